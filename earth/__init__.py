@@ -1,0 +1,49 @@
+"""The planet a navigator needs: ellipsoid, radii, normal gravity, rates, frames, rotations.
+
+It knows no sensors and steps no time. Angles are radians, everything is SI.
+"""
+
+from earth.ellipsoid import GRS80, WGS84, Ellipsoid
+from earth.errors import NavgradeError
+from earth.frames import C_bs, C_en, C_ie
+from earth.geodetic import (
+    ecef_to_geodetic,
+    geodetic_to_ecef,
+    meridian_radius,
+    transverse_radius,
+)
+from earth.gravity import normal_gravity_n, somigliana_second_order
+from earth.rates import omega_en_n, omega_ie_n, omega_in_n
+from earth.rotation import (
+    dcm_from_quat,
+    euler_from_quat,
+    quat_from_dcm,
+    quat_from_euler,
+    quat_from_rotvec,
+    rotvec_from_quat,
+)
+
+__all__ = [
+    "GRS80",
+    "WGS84",
+    "C_bs",
+    "C_en",
+    "C_ie",
+    "Ellipsoid",
+    "NavgradeError",
+    "dcm_from_quat",
+    "ecef_to_geodetic",
+    "euler_from_quat",
+    "geodetic_to_ecef",
+    "meridian_radius",
+    "normal_gravity_n",
+    "omega_en_n",
+    "omega_ie_n",
+    "omega_in_n",
+    "quat_from_dcm",
+    "quat_from_euler",
+    "quat_from_rotvec",
+    "rotvec_from_quat",
+    "somigliana_second_order",
+    "transverse_radius",
+]

@@ -1,0 +1,100 @@
+"""Frames of the Earth, and the axis conventions sensors and other programs use."""
+
+from __future__ import annotations
+
+import re
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from earth.ellipsoid import WGS84, Ellipsoid
+
+NED_TO_ENU = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+NED_TO_ENU.setflags(write=False)
+
+_DIRECTIONS = {
+    "forward": (1.0, 0.0, 0.0),
+    "right": (0.0, 1.0, 0.0),
+    "down": (0.0, 0.0, 1.0),
+    "back": (-1.0, 0.0, 0.0),
+    "left": (0.0, -1.0, 0.0),
+    "up": (0.0, 0.0, -1.0),
+}
+_BY_LETTER = {word[0].upper(): word for word in _DIRECTIONS}
+_ASSIGNMENT = re.compile(r"([xyz])\s*=\s*([+-]?)\s*([a-z]+)", re.IGNORECASE)
+
+
+def C_en(lat: ArrayLike, lon: ArrayLike) -> NDArray[np.float64]:
+    """Matrices (..., 3, 3) from NED at geodetic `lat`, `lon` (rad) to Earth-fixed axes."""
+    lat, lon = np.broadcast_arrays(np.asarray(lat, float), np.asarray(lon, float))
+    sin_lat, cos_lat, sin_lon, cos_lon = np.sin(lat), np.cos(lat), np.sin(lon), np.cos(lon)
+    zero = np.zeros_like(lat)
+    return np.stack(
+        [
+            np.stack([-sin_lat * cos_lon, -sin_lon, -cos_lat * cos_lon], axis=-1),
+            np.stack([-sin_lat * sin_lon, cos_lon, -cos_lat * sin_lon], axis=-1),
+            np.stack([cos_lat, zero, -sin_lat], axis=-1),
+        ],
+        axis=-2,
+    )
+
+
+def C_ie(t: ArrayLike, ellipsoid: Ellipsoid = WGS84) -> NDArray[np.float64]:
+    """Matrices (..., 3, 3) from Earth-fixed to inertial axes, which agree at `t` = 0 s."""
+    angle = ellipsoid.omega * np.asarray(t, float)
+    sin, cos, zero = np.sin(angle), np.cos(angle), np.zeros_like(angle)
+    return np.stack(
+        [
+            np.stack([cos, -sin, zero], axis=-1),
+            np.stack([sin, cos, zero], axis=-1),
+            np.stack([zero, zero, zero + 1.0], axis=-1),
+        ],
+        axis=-2,
+    )
+
+
+def C_bs(axes: str) -> NDArray[np.float64]:
+    """Matrix from sensor axes to the body's forward-right-down axes.
+
+    Parameters
+    ----------
+    axes : str
+        Where the sensor's x, y and z point: three letters of F, B, R, L, U, D such as ``"FLU"``,
+        or three assignments such as ``"x=-up y=right z=forward"``.
+
+    Returns
+    -------
+    ndarray, shape (3, 3)
+        ``v_b = C_bs @ v_s``.
+
+    Raises
+    ------
+    ValueError
+        If the text does not name three directions of a right-handed triple.
+    """
+    text = axes.strip()
+    columns: dict[str, NDArray[np.float64]] = {}
+    if re.fullmatch(r"[A-Za-z]{3}", text) and set(text.upper()) <= set(_BY_LETTER):
+        for name, letter in zip("xyz", text.upper(), strict=True):
+            columns[name] = np.array(_DIRECTIONS[_BY_LETTER[letter]])
+    else:
+        if _ASSIGNMENT.sub("", text).strip(" ,;"):
+            raise ValueError(_axes_help(axes, "it is not understood"))
+        for name, sign, word in _ASSIGNMENT.findall(text.lower()):
+            if word not in _DIRECTIONS or name in columns:
+                raise ValueError(_axes_help(axes, f"{name}={sign}{word} is not understood"))
+            columns[name] = np.array(_DIRECTIONS[word]) * (-1.0 if sign == "-" else 1.0)
+        if len(columns) < 3:
+            missing = ", ".join(sorted(set("xyz") - set(columns)))
+            raise ValueError(_axes_help(axes, f"it leaves {missing} open"))
+    C = np.stack([columns[name] for name in "xyz"], axis=-1)
+    if round(float(np.linalg.det(C))) != 1:
+        raise ValueError(_axes_help(axes, "it is not a right-handed triple"))
+    return C + 0.0
+
+
+def _axes_help(axes: str, reason: str) -> str:
+    return (
+        f"axes {axes!r}: {reason}; name where x, y and z point, as three letters (FRD, FLU, RFU) "
+        'or as "x=-up y=right z=forward" with forward, right, down, back, left, up'
+    )

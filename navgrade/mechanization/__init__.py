@@ -1,0 +1,58 @@
+"""From body increments to a solution over the Earth; one file per frame.
+
+This stage knows nothing of sampling. A frame is one file and one line of the registry.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+from earth.ellipsoid import Ellipsoid
+from navgrade.imu import BodyIncrements
+from navgrade.mechanization.ned import Ned
+from navgrade.state import NavState, Trajectory
+
+
+class Mechanizer(Protocol):
+    """A state that body increments advance."""
+
+    def advance(self, increments: BodyIncrements) -> Trajectory:
+        """Integrate a block of increments."""
+
+
+class MechanizerFactory(Protocol):
+    """Makes a `Mechanizer` from an initial state."""
+
+    def __call__(
+        self, state: NavState, *, vertical: str, ellipsoid: Ellipsoid, epoch_ns: int
+    ) -> Mechanizer:
+        """Start at `state`."""
+
+
+@dataclass(frozen=True)
+class Mechanization:
+    """One frame of the registry.
+
+    Attributes
+    ----------
+    summary : str
+    order : int
+        Global order of the position error in the interval, given exact body increments.
+    start : MechanizerFactory
+    """
+
+    summary: str
+    order: int
+    start: MechanizerFactory
+
+
+MECHANIZATIONS: dict[str, Mechanization] = {
+    "n": Mechanization("north-east-down, to latitude ±89.9°", 2, Ned),
+}
+DEFAULT = "n"
+
+VERTICAL = {
+    "free": "unaided; diverges with a time constant of 570 s",
+    "hold": "constant height",
+}

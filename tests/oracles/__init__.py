@@ -1,0 +1,1 @@
+"""Independent truth: motion and gravity that share no code with the packages under test."""
