@@ -1,11 +1,13 @@
 """The one place that knows numba.
 
-Two decorators serve the whole project:
+Three decorators serve the whole project:
 
 ``formula``
     A plain Python function over scalars. Called from Python it is just that (and, being built
     from NumPy functions, it broadcasts over arrays); called inside a kernel it is compiled into
     the kernel. One formula, one place, for the interface and for the hot loops.
+``rare_formula``
+    The same for a long formula that loops seldom reach.
 ``kernel``
     A compiled loop, cached on disk.
 
@@ -31,6 +33,8 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 _SOURCES = Path(__file__).resolve().parents[1]
 _PACKAGES = ("earth", "align", "navgrade")  # they share kernels, hence one key
+# Of the fast-math liberties only fused multiply-add: it rounds once instead of twice, never
+# reorders, and so leaves compensated sums intact. docs/decisions/0002 has the numbers.
 _OPTIONS = {"error_model": "numpy", "fastmath": {"contract"}}
 
 
@@ -59,7 +63,13 @@ CACHE_FOLDER = _cache_folder()
 
 
 def formula(func: F) -> F:
-    """Mark a scalar formula: plain Python outside kernels, compiled inside them."""
+    """Mark a scalar formula: plain Python outside kernels, part of the machine code inside."""
+    marked: F = register_jitable(**_OPTIONS, forceinline=True)(func)
+    return marked
+
+
+def rare_formula(func: F) -> F:
+    """Mark a long formula off the hot path: as `formula`, but called, not merged into the loop."""
     marked: F = register_jitable(**_OPTIONS)(func)
     return marked
 

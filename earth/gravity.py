@@ -15,7 +15,7 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from numpy.typing import ArrayLike, NDArray
 
-from earth._jit import formula
+from earth._jit import formula, rare_formula
 from earth.ellipsoid import WGS84, Ellipsoid, ellipsoidal_q
 from earth.geodetic import radii
 
@@ -23,7 +23,7 @@ FIT_H_MIN = -1_000.0  # m, domain of the fit
 FIT_H_MAX = 20_000.0  # m
 
 
-@formula
+@rare_formula
 def closed_form_gravity(params, sin_lat, cos_lat, h):  # type: ignore[no-untyped-def]
     """Return north and down components of the exact normal gravity, m/s^2.
 

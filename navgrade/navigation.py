@@ -17,7 +17,6 @@ from navgrade.mechanization import MECHANIZATIONS, VERTICAL
 from navgrade.reconstruction import RECONSTRUCTIONS, reconstruct, to_increments
 from navgrade.state import NavState, Trajectory
 
-BLOCK = 16_384  # samples: the arrays of one block stay in the processor's cache
 _COINCIDE = 1e-9  # s: a state this close to a sample's end needs no split
 
 
@@ -171,7 +170,7 @@ def navigate(
     turns: see docs/accuracy.md, which a command writes and tests guard.
     """
     pieces = solve(
-        imu.blocks(BLOCK),
+        [imu],
         state,
         reconstruction=reconstruction,
         mechanization=mechanization,
@@ -179,28 +178,15 @@ def navigate(
         bridge_gaps=bridge_gaps,
         ellipsoid=ellipsoid,
     )
-    return join(pieces, capacity=len(imu) + 1)
+    return join(list(pieces))
 
 
-def join(pieces: Iterable[Trajectory], capacity: int = 0) -> Trajectory:
-    """Put the pieces of a trajectory together; `capacity` rows are expected."""
-    columns = [
-        np.empty((capacity, *shape)) for shape in ((), (), (), (), (3,), (4,))
-    ]
-    status = np.empty(capacity, np.uint32)
-    rows = 0
-    epoch_ns = 0
-    for piece in pieces:
-        end = rows + len(piece)
-        if end > len(status):
-            size = max(end, 2 * len(status))
-            columns = [np.resize(c, (size, *c.shape[1:])) for c in columns]
-            status = np.resize(status, size)
-        parts = (piece.t, piece.lat, piece.lon, piece.h, piece.v_eb_n, piece.q_nb)
-        for column, part in zip(columns, parts, strict=True):
-            column[rows:end] = part
-        status[rows:end] = piece.status
-        rows = end
-        epoch_ns = piece.epoch_ns
-    t, lat, lon, h, v_eb_n, q_nb = (column[:rows] for column in columns)
-    return Trajectory(t, lat, lon, h, v_eb_n, q_nb, status[:rows], epoch_ns)
+def join(pieces: list[Trajectory]) -> Trajectory:
+    """Put the consecutive pieces of a trajectory together."""
+    if len(pieces) == 1:
+        return pieces[0]
+    columns = ("t", "lat", "lon", "h", "v_eb_n", "q_nb", "status")
+    return Trajectory(
+        *(np.concatenate([getattr(piece, name) for piece in pieces]) for name in columns),
+        epoch_ns=pieces[0].epoch_ns,
+    )

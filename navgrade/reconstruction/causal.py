@@ -76,17 +76,14 @@ def _coning_moments(a, d):  # type: ignore[no-untyped-def]
 def reconstruct(previous, dt, dtheta, dvel, first, phi, dv):  # type: ignore[no-untyped-def]
     """Fill `phi` and `dv` for rows `first` and later; the rows before are context."""
     for k in range(first, dt.shape[0]):
-        p = min(previous, k)
-        c1, c2, c3 = coning_weights(dt, k, p)
-        A0 = A1 = A2 = B0 = B1 = B2 = 0.0
-        for m in range(1, p + 1):
-            c = c1 if m == 1 else (c2 if m == 2 else c3)
-            A0 += c * dtheta[k - m, 0]
-            A1 += c * dtheta[k - m, 1]
-            A2 += c * dtheta[k - m, 2]
-            B0 += c * dvel[k - m, 0]
-            B1 += c * dvel[k - m, 1]
-            B2 += c * dvel[k - m, 2]
+        c1, c2, c3 = coning_weights(dt, k, min(previous, k))
+        k1, k2, k3 = max(k - 1, 0), max(k - 2, 0), max(k - 3, 0)  # weighted 0 where not there
+        A0 = c1 * dtheta[k1, 0] + c2 * dtheta[k2, 0] + c3 * dtheta[k3, 0]
+        A1 = c1 * dtheta[k1, 1] + c2 * dtheta[k2, 1] + c3 * dtheta[k3, 1]
+        A2 = c1 * dtheta[k1, 2] + c2 * dtheta[k2, 2] + c3 * dtheta[k3, 2]
+        B0 = c1 * dvel[k1, 0] + c2 * dvel[k2, 0] + c3 * dvel[k3, 0]
+        B1 = c1 * dvel[k1, 1] + c2 * dvel[k2, 1] + c3 * dvel[k3, 1]
+        B2 = c1 * dvel[k1, 2] + c2 * dvel[k2, 2] + c3 * dvel[k3, 2]
         A = (A0, A1, A2)
         B = (B0, B1, B2)
         theta = (dtheta[k, 0], dtheta[k, 1], dtheta[k, 2])
