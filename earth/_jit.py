@@ -31,11 +31,12 @@ from platformdirs import user_cache_path
 
 F = TypeVar("F", bound=Callable[..., Any])
 
+_config: Any = config  # its settings are made at run time, no checker sees them
 _SOURCES = Path(__file__).resolve().parents[1]
 _PACKAGES = ("earth", "align", "navgrade")  # they share kernels, hence one key
 # Of the fast-math liberties only fused multiply-add: it rounds once instead of twice, never
 # reorders, and so leaves compensated sums intact. docs/decisions/0002 has the numbers.
-_OPTIONS = {"error_model": "numpy", "fastmath": {"contract"}}
+_OPTIONS: dict[str, Any] = {"error_model": "numpy", "fastmath": {"contract"}}
 
 
 def _sources_key(root: Path) -> str:
@@ -50,7 +51,7 @@ def _sources_key(root: Path) -> str:
 
 def _cache_folder() -> str | None:
     """Folder of this source tree's compiled code; None where no folder can be written."""
-    base = Path(config.CACHE_DIR) if config.CACHE_DIR else user_cache_path("navgrade")
+    base = Path(_config.CACHE_DIR) if _config.CACHE_DIR else user_cache_path("navgrade")
     folder = base / "kernels" / _sources_key(_SOURCES)
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -79,9 +80,9 @@ def kernel(func: F) -> F:
     if CACHE_FOLDER is None:
         uncached: F = numba.njit(**_OPTIONS)(func)
         return uncached
-    previous, config.CACHE_DIR = config.CACHE_DIR, CACHE_FOLDER
+    previous, _config.CACHE_DIR = _config.CACHE_DIR, CACHE_FOLDER
     try:
         compiled: F = numba.njit(cache=True, **_OPTIONS)(func)
     finally:
-        config.CACHE_DIR = previous
+        _config.CACHE_DIR = previous
     return compiled

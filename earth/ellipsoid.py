@@ -13,7 +13,7 @@ _TERMS = 14  # of the q series; x = E/u <= 0.2, so x^28 is below 1e-19
 
 
 @formula
-def ellipsoidal_q(x):  # type: ignore[no-untyped-def]
+def ellipsoidal_q(x):
     """Return q and q' of Heiskanen & Moritz (2-113, 2-133) at x = E/u, as power series.
 
     The closed forms with arctan lose 11 of 16 digits for the Earth; the series lose none.

@@ -11,7 +11,7 @@ from earth.ellipsoid import WGS84, Ellipsoid
 
 
 @formula
-def radii(params, sin_lat):  # type: ignore[no-untyped-def]
+def radii(params, sin_lat):
     """Return meridian and transverse radius of curvature, m."""
     w2 = 1.0 / (1.0 - params.e2 * sin_lat * sin_lat)
     transverse = params.a * np.sqrt(w2)
@@ -19,7 +19,7 @@ def radii(params, sin_lat):  # type: ignore[no-untyped-def]
 
 
 @formula
-def ecef_from_geodetic(params, lat, lon, h):  # type: ignore[no-untyped-def]
+def ecef_from_geodetic(params, lat, lon, h):
     """Return x, y, z (m) of geodetic coordinates (rad, rad, m)."""
     sin_lat = np.sin(lat)
     _, transverse = radii(params, sin_lat)
@@ -32,7 +32,7 @@ def ecef_from_geodetic(params, lat, lon, h):  # type: ignore[no-untyped-def]
 
 
 @formula
-def geodetic_from_ecef(params, x, y, z):  # type: ignore[no-untyped-def]
+def geodetic_from_ecef(params, x, y, z):
     """Return latitude, longitude (rad) and height (m) of an Earth-fixed point.
 
     Bowring's iteration (Survey Review 23 (1976) 323-327) on the reduced latitude, three rounds:

@@ -24,7 +24,7 @@ FIT_H_MAX = 20_000.0  # m
 
 
 @rare_formula
-def closed_form_gravity(params, sin_lat, cos_lat, h):  # type: ignore[no-untyped-def]
+def closed_form_gravity(params, sin_lat, cos_lat, h):
     """Return north and down components of the exact normal gravity, m/s^2.
 
     Heiskanen & Moritz, Physical Geodesy (1967), section 6-2 (6-2, 6-5, 6-8), rotated from the
@@ -58,7 +58,7 @@ def closed_form_gravity(params, sin_lat, cos_lat, h):  # type: ignore[no-untyped
 
 
 @formula
-def somigliana(params, sin_lat):  # type: ignore[no-untyped-def]
+def somigliana(params, sin_lat):
     """Return normal gravity on the ellipsoid, m/s^2; exact there (Somigliana 1929)."""
     s2 = sin_lat * sin_lat
     k = params.b * params.gamma_p / (params.a * params.gamma_e) - 1.0
@@ -76,7 +76,7 @@ class GravityFit(NamedTuple):
 
 
 @formula
-def fitted_gravity(params, fit, sin_lat, cos_lat, h):  # type: ignore[no-untyped-def]
+def fitted_gravity(params, fit, sin_lat, cos_lat, h):
     """Return north and down gravity, m/s^2: the fit in its domain, the closed form outside."""
     if h < FIT_H_MIN or h > FIT_H_MAX:
         return closed_form_gravity(params, sin_lat, cos_lat, h)

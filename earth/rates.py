@@ -11,13 +11,13 @@ from earth.geodetic import radii
 
 
 @formula
-def earth_rate(params, sin_lat, cos_lat):  # type: ignore[no-untyped-def]
+def earth_rate(params, sin_lat, cos_lat):
     """Return north and down components of omega_ie_n, rad/s."""
     return params.omega * cos_lat, -params.omega * sin_lat
 
 
 @formula
-def transport_rate(v_n, v_e, tan_lat, meridian, transverse):  # type: ignore[no-untyped-def]
+def transport_rate(v_n, v_e, tan_lat, meridian, transverse):
     """Return north, east, down of omega_en_n, rad/s.
 
     `meridian` and `transverse` are radii of curvature plus height, m. Groves (2013), 5.44.

@@ -23,13 +23,13 @@ _SMALL = 0.06  # rad^2: below it series; the first neglected terms are under 1e-
 
 
 @formula
-def cross(a, b):  # type: ignore[no-untyped-def]
+def cross(a, b):
     """Return a x b of two triples."""
     return a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
 
 
 @formula
-def quat_product(p, q):  # type: ignore[no-untyped-def]
+def quat_product(p, q):
     """Return the Hamilton product p * q."""
     return (
         p[0] * q[0] - p[1] * q[1] - p[2] * q[2] - p[3] * q[3],
@@ -40,7 +40,7 @@ def quat_product(p, q):  # type: ignore[no-untyped-def]
 
 
 @formula
-def quat_rotate(q, v):  # type: ignore[no-untyped-def]
+def quat_rotate(q, v):
     """Return C v for the C of the unit quaternion q."""
     t = cross((q[1], q[2], q[3]), v)
     u = cross((q[1], q[2], q[3]), t)
@@ -52,7 +52,7 @@ def quat_rotate(q, v):  # type: ignore[no-untyped-def]
 
 
 @formula
-def rotvec_to_quat_change(phi):  # type: ignore[no-untyped-def]
+def rotvec_to_quat_change(phi):
     """Return q - 1 of a rotation vector, any length: small turns keep all their digits."""
     x2 = phi[0] * phi[0] + phi[1] * phi[1] + phi[2] * phi[2]
     y = 0.25 * x2
@@ -70,14 +70,14 @@ def rotvec_to_quat_change(phi):  # type: ignore[no-untyped-def]
 
 
 @formula
-def rotvec_to_quat(phi):  # type: ignore[no-untyped-def]
+def rotvec_to_quat(phi):
     """Return the quaternion of a rotation vector, any length."""
     w, x, y, z = rotvec_to_quat_change(phi)
     return 1.0 + w, x, y, z
 
 
 @formula
-def rotation_factors(x2):  # type: ignore[no-untyped-def]
+def rotation_factors(x2):
     """Return (1 - cos x)/x^2 and (1 - sin(x)/x)/x^2 for x^2."""
     if x2 < _SMALL:
         a = 0.5 - x2 * (
@@ -85,8 +85,7 @@ def rotation_factors(x2):  # type: ignore[no-untyped-def]
             - x2 * (1.0 / 720.0 - x2 * (1.0 / 40320.0 - x2 * (1.0 / 3628800.0 - x2 / 479001600.0)))
         )
         b = 1.0 / 6.0 - x2 * (
-            1.0 / 120.0
-            - x2 * (1.0 / 5040.0 - x2 * (1.0 / 362880.0 - x2 * (1.0 / 39916800.0)))
+            1.0 / 120.0 - x2 * (1.0 / 5040.0 - x2 * (1.0 / 362880.0 - x2 * (1.0 / 39916800.0)))
         )
     else:
         x = np.sqrt(x2)
@@ -96,7 +95,7 @@ def rotation_factors(x2):  # type: ignore[no-untyped-def]
 
 
 @formula
-def quat_to_rotvec(q):  # type: ignore[no-untyped-def]
+def quat_to_rotvec(q):
     """Return the shortest rotation vector of a unit quaternion, |phi| <= pi."""
     sine = np.sqrt(q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
     if sine < 1e-8:
@@ -107,7 +106,7 @@ def quat_to_rotvec(q):  # type: ignore[no-untyped-def]
 
 
 @formula
-def quat_to_dcm(q):  # type: ignore[no-untyped-def]
+def quat_to_dcm(q):
     """Return the nine elements, row by row, of the matrix of a unit quaternion."""
     w, x, y, z = q[0], q[1], q[2], q[3]
     return (
@@ -124,7 +123,7 @@ def quat_to_dcm(q):  # type: ignore[no-untyped-def]
 
 
 @formula
-def dcm_to_quat(C):  # type: ignore[no-untyped-def]
+def dcm_to_quat(C):
     """Return the unit quaternion, scalar part >= 0, of nine elements row by row.
 
     Shepperd's choice of the largest component (J. Guidance and Control 1 (1978) 223-224).
@@ -145,7 +144,7 @@ def dcm_to_quat(C):  # type: ignore[no-untyped-def]
 
 
 @formula
-def euler_to_quat(euler):  # type: ignore[no-untyped-def]
+def euler_to_quat(euler):
     """Return q_nb of (roll, pitch, heading)."""
     cr, sr = np.cos(0.5 * euler[0]), np.sin(0.5 * euler[0])
     cp, sp = np.cos(0.5 * euler[1]), np.sin(0.5 * euler[1])
@@ -159,7 +158,7 @@ def euler_to_quat(euler):  # type: ignore[no-untyped-def]
 
 
 @formula
-def quat_to_euler(q):  # type: ignore[no-untyped-def]
+def quat_to_euler(q):
     """Return (roll, pitch, heading): ±pi, ±pi/2, ±pi.
 
     Half sum and half difference of the outer angles come from two arctangents that do not lose
@@ -178,19 +177,19 @@ def quat_to_euler(q):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _rotvecs_to_quats(rows, out):  # type: ignore[no-untyped-def]
+def _rotvecs_to_quats(rows, out):
     for k in range(rows.shape[0]):
         out[k, 0], out[k, 1], out[k, 2], out[k, 3] = rotvec_to_quat(rows[k])
 
 
 @kernel
-def _quats_to_rotvecs(rows, out):  # type: ignore[no-untyped-def]
+def _quats_to_rotvecs(rows, out):
     for k in range(rows.shape[0]):
         out[k, 0], out[k, 1], out[k, 2] = quat_to_rotvec(rows[k])
 
 
 @kernel
-def _quats_to_dcms(rows, out):  # type: ignore[no-untyped-def]
+def _quats_to_dcms(rows, out):
     for k in range(rows.shape[0]):
         C = quat_to_dcm(rows[k])
         for i in range(9):
@@ -198,19 +197,19 @@ def _quats_to_dcms(rows, out):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def _dcms_to_quats(rows, out):  # type: ignore[no-untyped-def]
+def _dcms_to_quats(rows, out):
     for k in range(rows.shape[0]):
         out[k, 0], out[k, 1], out[k, 2], out[k, 3] = dcm_to_quat(rows[k])
 
 
 @kernel
-def _eulers_to_quats(rows, out):  # type: ignore[no-untyped-def]
+def _eulers_to_quats(rows, out):
     for k in range(rows.shape[0]):
         out[k, 0], out[k, 1], out[k, 2], out[k, 3] = euler_to_quat(rows[k])
 
 
 @kernel
-def _quats_to_eulers(rows, out):  # type: ignore[no-untyped-def]
+def _quats_to_eulers(rows, out):
     for k in range(rows.shape[0]):
         out[k, 0], out[k, 1], out[k, 2] = quat_to_euler(rows[k])
 
@@ -237,7 +236,8 @@ def _unit(name: str, values: ArrayLike) -> Rows:
     norm = np.sqrt(np.sum(q * q, axis=-1, keepdims=True))
     if not np.all(norm > 0.0):
         raise ValueError(f"{name} must not be the zero quaternion")
-    return q / norm
+    unit: Rows = q / norm
+    return unit
 
 
 def quat_from_rotvec(phi: ArrayLike) -> Rows:

@@ -59,6 +59,10 @@ class GapError(LogError):
     """The log has a gap that was not allowed to be bridged."""
 
 
+class StateTimeError(NavgradeError, ValueError):
+    """The samples do not hold the instant of the initial state."""
+
+
 class NumericalError(NavgradeError):
     """The mechanization cannot go on.
 

@@ -9,11 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navgrade.errors import GapError
-from navgrade.imu import ImuSamples, Status, concatenate
-
-JITTER = 0.5  # intervals: a smaller hole is the stamp's jitter
-MAX_MISSING = 2.25  # intervals: samples further apart than 3 intervals, plus jitter, leave a gap
-_NOMINAL_SAMPLES = 1000
+from navgrade.imu import (
+    JITTER,
+    MAX_MISSING,
+    ImuSamples,
+    Status,
+    concatenate,
+    nominal_interval,
+)
 
 
 @dataclass(frozen=True)
@@ -28,11 +31,6 @@ class Gap:
 
     start: float
     length: float
-
-
-def nominal_interval(samples: ImuSamples) -> float:
-    """Median interval of the first thousand samples, s."""
-    return float(np.median(samples.dt[:_NOMINAL_SAMPLES]))
 
 
 def _bridge(before: ImuSamples, after: ImuSamples, hole: float, nominal: float) -> ImuSamples:
@@ -84,7 +82,7 @@ def without_gaps(
         if not len(block):
             continue
         if last is None:
-            nominal = nominal_interval(block)
+            nominal = nominal_interval(block.dt)
         holes = _holes(last, block)
         if np.abs(holes).max() > JITTER * nominal:
             yield _mended(last, block, holes, nominal, bridge, gaps)

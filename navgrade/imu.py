@@ -19,6 +19,9 @@ KIND_HELP = (
 )
 
 
+JITTER = 0.5  # nominal intervals: a hole shorter than this is jitter of the stamps
+MAX_MISSING = 2.25  # nominal intervals: stamps further apart than three, plus jitter, leave a gap
+_NOMINAL_SAMPLES = 1000
 
 
 class Status(IntFlag):
@@ -47,6 +50,21 @@ def _column(name: str, values: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.
     return _frozen(array)
 
 
+def nominal_interval(steps: NDArray[np.float64]) -> float:
+    """Median of the first thousand intervals, s."""
+    return float(np.median(steps[:_NOMINAL_SAMPLES]))
+
+
+def intervals(t: NDArray[np.float64], last: float | None, nominal: float) -> NDArray[np.float64]:
+    """Interval lengths, s, of samples known by their stamps alone.
+
+    Each reaches back to the previous stamp (`last` for the first one), but across a gap, and
+    where there is no previous stamp, only as far as a nominal interval.
+    """
+    steps = np.diff(t, prepend=t[0] - nominal if last is None else last)
+    return np.where(steps > (1.0 + MAX_MISSING) * nominal, nominal, steps)
+
+
 @dataclass(frozen=True, eq=False)
 class ImuSamples:
     """A stretch of IMU samples in body axes (forward-right-down).
@@ -62,8 +80,8 @@ class ImuSamples:
     kind : {"rate", "average", "increment", "compensated"}
         What the numbers are; nothing guesses it.
     dt : array_like, shape (n,), optional
-        Length of each interval, s. By default the differences of `t`, the first one taken equal
-        to the second.
+        Length of each interval, s. By default the step from the previous stamp; across a gap, and
+        for the first sample, the median step.
     epoch_ns : int
         Unix time of ``t = 0``, ns.
     status : array_like of int, shape (n,), optional
@@ -80,9 +98,9 @@ class ImuSamples:
     gyro: NDArray[np.float64]
     accel: NDArray[np.float64]
     kind: Kind
-    dt: NDArray[np.float64] = field(default=None)  # type: ignore[assignment]
+    dt: NDArray[np.float64] = field(default=None)  # type: ignore[arg-type]  # filled in below
     epoch_ns: int = 0
-    status: NDArray[np.uint32] = field(default=None)  # type: ignore[assignment]
+    status: NDArray[np.uint32] = field(default=None)  # type: ignore[arg-type]  # filled in below
 
     def __post_init__(self) -> None:
         if self.kind not in KINDS:
@@ -91,14 +109,14 @@ class ImuSamples:
         t = _column("t", self.t, (n,))
         steps = np.diff(t)
         if n > 1 and not steps.min() > 0.0:
-            index = int(np.argmax(steps <= 0.0)) + 1
+            index = int(np.argmin(steps > 0.0)) + 1
             raise ValueError(
                 f"t must increase: {t[index]!r} s at index {index} follows {t[index - 1]!r} s"
             )
         if self.dt is None:
             if n < 2:
                 raise ValueError("dt must be given for fewer than two samples")
-            dt = _frozen(np.concatenate([steps[:1], steps]))
+            dt = _frozen(intervals(t, None, nominal_interval(steps)))
         else:
             dt = _column("dt", self.dt, (n,))
             if n and not dt.min() > 0.0:

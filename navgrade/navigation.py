@@ -11,6 +11,7 @@ import numpy as np
 from earth.ellipsoid import WGS84, Ellipsoid
 from navgrade import mechanization as frames
 from navgrade import reconstruction as body
+from navgrade.errors import StateTimeError
 from navgrade.gaps import Gap, without_gaps
 from navgrade.imu import BodyIncrements, ImuSamples, concatenate
 from navgrade.mechanization import MECHANIZATIONS, VERTICAL
@@ -34,7 +35,13 @@ def _split(block: ImuSamples, k: int, t: float) -> ImuSamples:
     after = (block.t[k] - t) / block.dt[k]
     cut = block[k : k + 1]
     halves = [
-        replace(cut, t=[end], dt=cut.dt * share, gyro=cut.gyro * share, accel=cut.accel * share)
+        replace(
+            cut,
+            t=np.array([end]),
+            dt=cut.dt * share,
+            gyro=cut.gyro * share,
+            accel=cut.accel * share,
+        )
         for end, share in ((t, 1.0 - after), (block.t[k], after))
     ]
     return concatenate([block[:k], *halves, block[k + 1 :]])
@@ -48,7 +55,7 @@ def _from(blocks: Iterable[ImuSamples], t: float) -> Iterator[ImuSamples]:
         if not started:
             begin = block.t[0] - block.dt[0]
             if end is None and t < begin - 1e-3 * block.dt[0]:
-                raise ValueError(
+                raise StateTimeError(
                     f"state.t = {t:.9f} s is before the samples, whose first interval begins at "
                     f"{begin:.9f} s"
                 )
@@ -60,7 +67,7 @@ def _from(blocks: Iterable[ImuSamples], t: float) -> Iterator[ImuSamples]:
         yield block
     if not started:
         last = "there are none" if end is None else f"the last is at {end:.9f} s"
-        raise ValueError(f"state.t = {t:.9f} s leaves no samples to integrate: {last}")
+        raise StateTimeError(f"state.t = {t:.9f} s leaves no samples to integrate: {last}")
 
 
 def solve(
@@ -158,7 +165,9 @@ def navigate(
     Raises
     ------
     ValueError
-        On an unknown choice, or a ``state.t`` the samples do not hold.
+        On an unknown choice.
+    StateTimeError
+        When the samples do not hold ``state.t``; also a ValueError.
     GapError
         On a gap, unless `bridge_gaps`.
     NumericalError
@@ -185,8 +194,13 @@ def join(pieces: list[Trajectory]) -> Trajectory:
     """Put the consecutive pieces of a trajectory together."""
     if len(pieces) == 1:
         return pieces[0]
-    columns = ("t", "lat", "lon", "h", "v_eb_n", "q_nb", "status")
     return Trajectory(
-        *(np.concatenate([getattr(piece, name) for piece in pieces]) for name in columns),
+        t=np.concatenate([piece.t for piece in pieces]),
+        lat=np.concatenate([piece.lat for piece in pieces]),
+        lon=np.concatenate([piece.lon for piece in pieces]),
+        h=np.concatenate([piece.h for piece in pieces]),
+        v_eb_n=np.concatenate([piece.v_eb_n for piece in pieces]),
+        q_nb=np.concatenate([piece.q_nb for piece in pieces]),
+        status=np.concatenate([piece.status for piece in pieces]),
         epoch_ns=pieces[0].epoch_ns,
     )

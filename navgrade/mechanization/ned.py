@@ -34,7 +34,7 @@ _CARRY = 29
 
 
 @formula
-def sin_cos_near(lat, near):  # type: ignore[no-untyped-def]
+def sin_cos_near(lat, near):
     """Return sine and cosine of `lat`, and the anchor (latitude, sine, cosine) they grew from.
 
     Within 1e-3 rad of the anchor by the addition theorem, to rounding; otherwise anew. A step
@@ -55,7 +55,7 @@ def sin_cos_near(lat, near):  # type: ignore[no-untyped-def]
 
 
 @formula
-def surroundings(params, fit, sin_lat, cos_lat, h, v):  # type: ignore[no-untyped-def]
+def surroundings(params, fit, sin_lat, cos_lat, h, v):
     """Return what the Earth does to a body at a latitude and `h` moving with `v` (NED).
 
     Three triples: acceleration g - (2 omega_ie + omega_en) x v, m/s^2; omega_in_n, rad/s;
@@ -77,7 +77,7 @@ def surroundings(params, fit, sin_lat, cos_lat, h, v):  # type: ignore[no-untype
 
 
 @formula
-def velocity_after(v, f, rest, rate, dt):  # type: ignore[no-untyped-def]
+def velocity_after(v, f, rest, rate, dt):
     """Return v + (I - zeta x / 2) f + rest dt for the frame rotation zeta = rate dt."""
     turn = cross(rate, f)
     half = 0.5 * dt
@@ -89,7 +89,7 @@ def velocity_after(v, f, rest, rate, dt):  # type: ignore[no-untyped-def]
 
 
 @formula
-def compensated_sum(total, lost, term):  # type: ignore[no-untyped-def]
+def compensated_sum(total, lost, term):
     """Kahan's step: return the new sum and what it lost."""
     y = term - lost
     new = total + y
@@ -97,7 +97,7 @@ def compensated_sum(total, lost, term):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def propagate(  # type: ignore[no-untyped-def]
+def propagate(
     params, fit, hold, max_latitude, dts, phis, dvs, carry, lat_out, lon_out, h_out, v_out, q_out
 ):
     """Step through a block; return the rows done, fewer than asked beyond `max_latitude`."""

@@ -24,7 +24,7 @@ _EQUAL = 1e-8  # relative: intervals this close count as equal; changes c_m by l
 
 
 @formula
-def coning_weights(dt, k, p):  # type: ignore[no-untyped-def]
+def coning_weights(dt, k, p):
     """Return c_1, c_2, c_3 for interval k and the p <= 3 intervals before it."""
     if p == 0:
         return 0.0, 0.0, 0.0
@@ -64,7 +64,7 @@ def coning_weights(dt, k, p):  # type: ignore[no-untyped-def]
 
 
 @formula
-def _coning_moments(a, d):  # type: ignore[no-untyped-def]
+def _coning_moments(a, d):
     p2 = 0.25 * (a - 1.0) * (a - 1.0)
     q2 = 0.25 * (a + 1.0) * (a + 1.0)
     d2 = d * d
@@ -73,7 +73,7 @@ def _coning_moments(a, d):  # type: ignore[no-untyped-def]
 
 
 @kernel
-def reconstruct(previous, dt, dtheta, dvel, first, phi, dv):  # type: ignore[no-untyped-def]
+def reconstruct(previous, dt, dtheta, dvel, first, phi, dv):
     """Fill `phi` and `dv` for rows `first` and later; the rows before are context."""
     for k in range(first, dt.shape[0]):
         c1, c2, c3 = coning_weights(dt, k, min(previous, k))
@@ -93,9 +93,7 @@ def reconstruct(previous, dt, dtheta, dvel, first, phi, dv):  # type: ignore[no-
         sculling_theta = cross(B, theta)
         turn = cross(theta, v)
         turn2 = cross(theta, turn)
-        r1, r2 = rotation_factors(
-            theta[0] * theta[0] + theta[1] * theta[1] + theta[2] * theta[2]
-        )
+        r1, r2 = rotation_factors(theta[0] * theta[0] + theta[1] * theta[1] + theta[2] * theta[2])
         row = k - first
         for i in range(3):
             phi[row, i] = theta[i] + coning[i]

@@ -31,9 +31,10 @@ def _integration_weights(nodes: Array, start: Array, end: Array) -> Array:
     powers = np.arange(m)
     vandermonde = x[:, None, :] ** powers[None, :, None]
     moments = -((-1.0) ** (powers + 1)) / (powers + 1)  # of x^j over [-1, 0]
-    return np.linalg.solve(vandermonde, np.broadcast_to(moments[:, None], (len(x), m, 1)))[
-        ..., 0
-    ] * scale
+    return (
+        np.linalg.solve(vandermonde, np.broadcast_to(moments[:, None], (len(x), m, 1)))[..., 0]
+        * scale
+    )
 
 
 def _integrate(samples: ImuSamples, rows: range, is_head: bool) -> ImuSamples:
@@ -102,7 +103,5 @@ def to_increments(blocks: Iterable[ImuSamples]) -> Iterator[ImuSamples]:
     for block in chain():
         if block.kind == "average":
             dt = block.dt[:, None]
-            block = replace(
-                block, gyro=block.gyro * dt, accel=block.accel * dt, kind="increment"
-            )
+            block = replace(block, gyro=block.gyro * dt, accel=block.accel * dt, kind="increment")
         yield block

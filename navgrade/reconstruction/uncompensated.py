@@ -11,9 +11,7 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 
-def reconstruct(
-    dt: Array, dtheta: Array, dvel: Array, first: int, phi: Array, dv: Array
-) -> None:
+def reconstruct(dt: Array, dtheta: Array, dvel: Array, first: int, phi: Array, dv: Array) -> None:
     """Copy the rows from `first` on."""
     phi[:] = dtheta[first:]
     dv[:] = dvel[first:]

@@ -1,0 +1,56 @@
+"""What a surveyor hands over."""
+
+from __future__ import annotations
+
+import re
+
+from earth.units import DEG
+
+_NUMBER = r"\d+(?:\.\d*)?|\.\d+"
+_DMS = re.compile(
+    rf"^\s*(?P<lead>[NSEW])?\s*(?P<sign>[+-])?\s*(?P<d>{_NUMBER})\s*[°d:\s]?\s*"
+    rf"(?:(?P<m>{_NUMBER})\s*['′m:\s]?\s*(?:(?P<s>{_NUMBER})\s*(?:\"|″|''|s)?)?)?"
+    r"\s*(?P<trail>[NSEW])?\s*$",
+    re.IGNORECASE,
+)
+
+
+def parse_angle(value: float | int | str, positive: str, negative: str) -> float:
+    """Read a latitude or longitude.
+
+    Parameters
+    ----------
+    value : float or str
+        Degrees, or text: ``51.07995``, ``51 04 47.8327 N``, ``51°04'47.8327"N``, ``N51.0799``,
+        ``-114:08:01.37``.
+    positive, negative : str
+        Hemisphere letters: N and S, or E and W.
+
+    Returns
+    -------
+    float
+        rad.
+
+    Raises
+    ------
+    ValueError
+        If the text is not an angle, or minutes or seconds reach 60, or sign and hemisphere
+        are both given.
+    """
+    if isinstance(value, bool) or not isinstance(value, (int, float, str)):
+        raise ValueError(f"{value!r} is not an angle")
+    if not isinstance(value, str):
+        return float(value) * DEG
+    match = _DMS.match(value)
+    if match is None:
+        raise ValueError(f"{value!r} is not an angle; write 51.07995 or 51 04 47.8327 {positive}")
+    letters = [x.upper() for x in (match["lead"], match["trail"]) if x]
+    if len(letters) > 1 or (letters and match["sign"]):
+        raise ValueError(f"{value!r} gives its sign twice")
+    if letters and letters[0] not in (positive, negative):
+        raise ValueError(f"{value!r} ends in {letters[0]}, expected {positive} or {negative}")
+    degrees, minutes, seconds = (float(match[part] or 0.0) for part in "dms")
+    if minutes >= 60.0 or seconds >= 60.0:
+        raise ValueError(f"{value!r} has minutes or seconds of 60 or more")
+    sign = -1.0 if match["sign"] == "-" or letters == [negative] else 1.0
+    return sign * (degrees + minutes / 60.0 + seconds / 3600.0) * DEG

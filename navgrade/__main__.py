@@ -1,0 +1,3 @@
+from navgrade.cli import main
+
+main()

@@ -1,0 +1,40 @@
+"""Options the commands share."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar
+
+import click
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+log_argument = click.argument("log", type=click.Path(path_type=Path), metavar="LOG.mcap")
+
+_SOURCE = (
+    click.option(
+        "-c",
+        "--config",
+        "site_file",
+        required=True,
+        type=click.Path(path_type=Path),
+        metavar="SITE.toml",
+        help="Site file: IMU, survey, alignment window.",
+    ),
+    click.option("--imu-topic", help="IMU topic; needed when the log has several."),
+    click.option(
+        "--kind",
+        help="What the samples are: rate (instantaneous), average (mean over the interval that "
+        "ends at the stamp), increment, or compensated.",
+    ),
+    click.option("--axes", help="Where x, y, z point: FRD, FLU, RFU or 'x=-up y=right z=forward'."),
+    click.option("--strict", is_flag=True, help="Refuse a damaged log instead of using the rest."),
+)
+
+
+def source_options(command: F) -> F:
+    """Add the options that name and describe the input."""
+    for option in reversed(_SOURCE):
+        command = option(command)
+    return command

@@ -1,0 +1,78 @@
+"""navgrade run"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+from navgrade.cli.options import log_argument, source_options
+from navgrade.cli.show import console, show_alignment, show_source, show_summary
+from navgrade.errors import LogError
+from navgrade.job import Choices, open_log, run
+from navgrade.mechanization import MECHANIZATIONS, VERTICAL
+from navgrade.reconstruction import RECONSTRUCTIONS
+from navgrade.site import read_site
+
+
+@click.command("run")
+@log_argument
+@source_options
+@click.option(
+    "-o",
+    "--output",
+    required=True,
+    type=click.Path(path_type=Path),
+    metavar="OUT.mcap",
+    help="Appears when it is complete.",
+)
+@click.option("--reconstruction", help=f"{', '.join(RECONSTRUCTIONS)}.")
+@click.option("--frame", help=f"{', '.join(MECHANIZATIONS)}.")
+@click.option("--vertical", help=f"{', '.join(VERTICAL)}.")
+@click.option("--output-rate", type=float, metavar="HZ", help="Default: every sample.")
+@click.option("--bridge-gaps", is_flag=True, help="Interpolate across gaps instead of stopping.")
+@click.option("--overwrite", is_flag=True, help="Replace OUT.mcap.")
+def command(
+    log: Path,
+    site_file: Path,
+    imu_topic: str | None,
+    kind: str | None,
+    axes: str | None,
+    strict: bool,
+    output: Path,
+    reconstruction: str | None,
+    frame: str | None,
+    vertical: str | None,
+    output_rate: float | None,
+    bridge_gaps: bool,
+    overwrite: bool,
+) -> None:
+    """Align on LOG's still part, navigate through the rest, and write the solution."""
+    site = read_site(site_file)
+    choices = Choices(imu_topic, kind, axes, reconstruction, frame, vertical, bridge_gaps, strict)
+    if not log.is_file():
+        raise LogError("no such file", file=str(log))
+    show_source(open_log(log, site, choices), axes_given=bool(axes or site.axes))
+    bar = Progress(
+        TextColumn("navigating"),
+        BarColumn(),
+        TextColumn("{task.percentage:3.0f} %"),
+        TimeRemainingColumn(),
+        console=console,
+        transient=True,
+        disable=not console.is_terminal,
+    )
+    with bar:
+        task = bar.add_task("", total=log.stat().st_size)
+        summary = run(
+            log,
+            site,
+            output,
+            choices,
+            rate_hz=output_rate,
+            overwrite=overwrite,
+            progress=lambda done: bar.update(task, completed=done),
+            aligned=show_alignment,
+        )
+    show_summary(summary)

@@ -1,0 +1,83 @@
+"""What people read on the terminal."""
+
+from __future__ import annotations
+
+import numpy as np
+from rich.console import Console
+
+from earth.rotation import euler_from_quat
+from earth.units import DEG, DEG_PER_H
+from navgrade.job import AlignedWindow, RunSummary
+from navgrade.logs import ImuLog
+
+console = Console(highlight=False, soft_wrap=True)
+
+
+def row(name: str, text: str) -> None:
+    """Print one line of a report."""
+    console.print(f"{name:<22}{text}", markup=False)
+
+
+def show_source(log: ImuLog, *, axes_given: bool) -> None:
+    """Say what is read, and how it is understood."""
+    axes = log.axes if axes_given else f"{log.axes} (nobody said: the ROS default)"
+    console.print(f"{log.path}  {log.topic}  {log.schema.name}, kind {log.kind}, axes {axes}")
+
+
+def show_alignment(aligned: AlignedWindow) -> None:
+    """Print the alignment report."""
+    r = aligned.result
+    console.print(
+        f"\n[bold]Alignment[/bold]  {r.method}, {aligned.start:g} s to "
+        f"{aligned.start + aligned.duration:g} s"
+    )
+    for name, value, sigma in (
+        ("roll", r.roll, r.roll_sigma),
+        ("pitch", r.pitch, r.pitch_sigma),
+        ("heading", r.heading, r.heading_sigma),
+    ):
+        row(name, f"{value / DEG:10.4f}°   1σ {sigma / DEG:.4f}°")
+    row("tilt and azimuth", f"{'':14}1σ {r.tilt_sigma / DEG:.4f}°, {r.azimuth_sigma / DEG:.4f}°")
+    row("q_nb", "  ".join(f"{x:.9f}" for x in r.q_nb))
+    row("|f| - g", f"{r.specific_force_residual * 1e3:+.4f} mm/s²")
+    row("|ω| - Ω", f"{r.rate_residual / DEG_PER_H:+.4f} °/h")
+    row("implied latitude", f"{r.implied_latitude / DEG:.4f}°")
+    if r.method != "triad" and np.isfinite(r.gyro_heading):
+        row(
+            "heading by gyros",
+            f"{r.gyro_heading / DEG:10.4f}°   1σ {r.gyro_heading_sigma / DEG:.4f}°",
+        )
+    north, east, down = r.scatter / DEG
+    row("scatter of tenths", f"N {north:.4f}°  E {east:.4f}°  D {down:.4f}°")
+    row("stillness, 1 s means", f"{r.force_scatter:.5f} m/s²  {r.rate_scatter / DEG:.5f} °/s")
+    for warning in r.warnings:
+        console.print(f"[yellow]warning:[/yellow] {warning}")
+
+
+def show_summary(summary: RunSummary) -> None:
+    """Print what a run did."""
+    final = summary.final
+    if final is None:
+        return
+    roll, pitch, heading = euler_from_quat(final.q_nb) / DEG
+    north, east, down = final.v_eb_n
+    console.print(
+        f"\n[bold]Navigation[/bold]  {summary.reconstruction}, frame {summary.frame}, vertical "
+        f"{summary.vertical}"
+    )
+    row("samples", f"{summary.samples} over {summary.duration:.3f} s")
+    bridged = ", ".join(f"{gap.length:.3f} s at {gap.start:.3f} s" for gap in summary.gaps[:5])
+    more = ", …" if len(summary.gaps) > 5 else ""
+    row("gaps bridged", f"{len(summary.gaps)}" + (f": {bridged}{more}" if bridged else ""))
+    if summary.counts.get("STRETCHED"):
+        row("stretched samples", f"{summary.counts['STRETCHED']} (1 or 2 missing before)")
+    row(
+        "final position",
+        f"{final.lat / DEG:.9f}°  {final.lon / DEG:.9f}°  {final.h:.4f} m",
+    )
+    row("final velocity", f"N {north:.5f}  E {east:.5f}  D {down:.5f} m/s")
+    row("final attitude", f"roll {roll:.5f}°  pitch {pitch:.5f}°  heading {heading % 360.0:.5f}°")
+    row("speed", f"{summary.samples / summary.seconds:,.0f} samples/s, {summary.seconds:.2f} s")
+    row("written", str(summary.output))
+    for issue in summary.issues:
+        console.print(f"[yellow]warning:[/yellow] {issue}")

@@ -1,0 +1,367 @@
+"""The main job: from a log and a site file to an aligned solution, in bounded memory."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from align import AlignmentError, StaticAlignment, align_static
+from align.static import check_units_at_rest
+from earth.units import DEG, DEG_PER_H
+from navgrade import mechanization as frames
+from navgrade import reconstruction as body
+from navgrade.errors import ConfigError, GapError
+from navgrade.gaps import Gap
+from navgrade.imu import ImuSamples, Status, concatenate
+from navgrade.logs import PROVENANCE, ImuLog, SolutionWriter, open_imu, sha256
+from navgrade.navigation import check_choice, solve
+from navgrade.site import Initial, Place, Site, Window
+from navgrade.state import NavState, Trajectory
+
+_AT_REST = 0.1  # m/s: slower, an initial state is a stop, and units can be checked
+_CHECK_SPAN = 2.0  # s of samples for that check
+
+Progress = Callable[[int], None]
+
+
+@dataclass(frozen=True)
+class Choices:
+    """What the command line may set over the site file; None leaves it to the file."""
+
+    topic: str | None = None
+    kind: str | None = None
+    axes: str | None = None
+    reconstruction: str | None = None
+    frame: str | None = None
+    vertical: str | None = None
+    bridge_gaps: bool = False
+    strict: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class AlignedWindow:
+    """An alignment and the samples it came from.
+
+    Attributes
+    ----------
+    result : StaticAlignment
+    start, duration : float
+        s; start from the first sample.
+    state : NavState
+        At the end of the window.
+    """
+
+    result: StaticAlignment
+    start: float
+    duration: float
+    state: NavState
+
+
+@dataclass
+class RunSummary:
+    """What a run did.
+
+    Attributes
+    ----------
+    samples : int
+        Integrated.
+    duration : float
+        s.
+    gaps : list of Gap
+        Bridged.
+    issues : list of str
+        Defects of the file.
+    counts : dict of str to int
+        Samples per status bit.
+    seconds : float
+        Wall time of reading, navigating and writing.
+    """
+
+    output: Path
+    log: ImuLog
+    alignment: AlignedWindow | None
+    reconstruction: str
+    frame: str
+    vertical: str
+    first: NavState
+    final: NavState | None = None
+    samples: int = 0
+    duration: float = 0.0
+    gaps: list[Gap] = field(default_factory=list)
+    issues: list[str] = field(default_factory=list)
+    counts: dict[str, int] = field(default_factory=dict)
+    seconds: float = 0.0
+
+
+def open_log(path: str | Path, site: Site, choices: Choices) -> ImuLog:
+    """Open the IMU topic the site file and the command line name."""
+    return open_imu(
+        path,
+        choices.topic or site.topic,
+        choices.kind or site.kind,
+        choices.axes or site.axes,
+        strict=choices.strict,
+        gyro_unit=site.gyro_unit or "rad/s",
+        accel_unit=site.accel_unit or "m/s^2",
+    )
+
+
+def _window_samples(log: ImuLog, window: Window, lat: float) -> ImuSamples:
+    """Samples whose intervals end inside the window; the log is not read beyond."""
+    pieces: list[ImuSamples] = []
+    end = window.start + window.duration
+    last = 0.0
+    for block in log.blocks():
+        first, stop = np.searchsorted(block.t, [window.start, end + 1e-9], side="right")
+        if stop > first:
+            pieces.append(block[int(first) : int(stop)])
+        last = float(block.t[-1])
+        if last > end:
+            break
+    if not pieces:
+        raise AlignmentError(
+            f"the alignment window starts at {window.start:g} s, the log ends at {last:.3f} s"
+        )
+    samples = concatenate(pieces)
+    if last < end - 1e-3:
+        _check_units(samples, lat)
+        raise AlignmentError(
+            f"the alignment window ends at {end:g} s, the log at {last:.3f} s; shorten "
+            "alignment.duration_s"
+        )
+    return samples
+
+
+def _check_units(samples: ImuSamples, lat: float) -> None:
+    omega, f = (samples.dt @ rates / samples.dt.sum() for rates in samples.mean_rates())
+    check_units_at_rest(omega, f, lat)
+
+
+def align_log(log: ImuLog, site: Site) -> AlignedWindow:
+    """Align on the site file's window.
+
+    Raises
+    ------
+    ConfigError
+        When the site file has no [site] or no [alignment].
+    AlignmentError
+        When the window gives no attitude.
+    """
+    place, window = _place_and_window(site)
+    samples = _window_samples(log, window, place.lat)
+    missing = window.duration - float(samples.dt.sum())
+    nominal = float(np.median(samples.dt))
+    if missing > max(3.0 * nominal, 0.1 * window.duration):
+        raise AlignmentError(
+            f"{missing:.3f} s of the alignment window have no samples; choose another window"
+        )
+    result = align_static(
+        samples.dt,
+        *samples.mean_rates(),
+        place.lat,
+        place.h,
+        errors=site.errors,
+        known_heading=place.heading,
+    )
+    state = NavState(
+        lat=place.lat, lon=place.lon, h=place.h, q_nb=result.q_nb, t=float(samples.t[-1])
+    )
+    return AlignedWindow(result, window.start, window.duration, state)
+
+
+def _place_and_window(site: Site) -> tuple[Place, Window]:
+    if site.place is None:
+        raise ConfigError(
+            "alignment needs [site] (latitude, longitude, height_m)", file=site.file, key="site"
+        )
+    if site.window is None:
+        raise ConfigError(
+            "alignment needs [alignment] with duration_s, seconds at rest from start_s on",
+            file=site.file,
+            key="alignment.duration_s",
+        )
+    return site.place, site.window
+
+
+def alignment_report(aligned: AlignedWindow) -> dict[str, Any]:
+    """The alignment in degrees and plain types, as `navgrade align --json` prints it."""
+    r = aligned.result
+
+    def finite(value: float) -> float | None:
+        return float(value) if np.isfinite(value) else None
+
+    return {
+        "method": r.method,
+        "roll_deg": r.roll / DEG,
+        "pitch_deg": r.pitch / DEG,
+        "heading_deg": r.heading / DEG,
+        "roll_sigma_deg": r.roll_sigma / DEG,
+        "pitch_sigma_deg": r.pitch_sigma / DEG,
+        "heading_sigma_deg": r.heading_sigma / DEG,
+        "q_nb": [float(x) for x in r.q_nb],
+        "tilt_sigma_deg": r.tilt_sigma / DEG,
+        "azimuth_sigma_deg": r.azimuth_sigma / DEG,
+        "start_s": aligned.start,
+        "duration_s": aligned.duration,
+        "implied_latitude_deg": r.implied_latitude / DEG,
+        "specific_force_residual_m_s2": r.specific_force_residual,
+        "rate_residual_deg_h": r.rate_residual / DEG_PER_H,
+        "rate_residual_down_deg_h": r.rate_residual_down / DEG_PER_H,
+        "rate_residual_north_deg_h": r.rate_residual_north / DEG_PER_H,
+        "gyro_heading_deg": finite(r.gyro_heading / DEG),
+        "gyro_heading_sigma_deg": r.gyro_heading_sigma / DEG,
+        "scatter_ned_deg": [finite(x / DEG) for x in r.scatter],
+        "stillness_force_m_s2": r.force_scatter,
+        "stillness_rate_deg_s": r.rate_scatter / DEG,
+        "warnings": list(r.warnings),
+    }
+
+
+def _initial_state(log: ImuLog, initial: Initial) -> NavState:
+    """The known state on the log's clock, after a look at the units where it stands still."""
+    head: list[ImuSamples] = []
+    epoch_ns = 0
+    for block in log.blocks():
+        epoch_ns = block.epoch_ns
+        head.append(block)
+        if block.t[-1] > _CHECK_SPAN:
+            break
+    state = initial.state
+    t = (initial.time_ns - epoch_ns) * 1e-9
+    if float(np.linalg.norm(state.v_eb_n)) < _AT_REST and abs(t) < _CHECK_SPAN:
+        samples = concatenate(head)
+        samples = samples[: max(int(np.searchsorted(samples.t, _CHECK_SPAN)), 2)]
+        _check_units(samples, state.lat)
+    return NavState(
+        lat=state.lat, lon=state.lon, h=state.h, v_eb_n=state.v_eb_n, q_nb=state.q_nb, t=t
+    )
+
+
+def run(
+    path: str | Path,
+    site: Site,
+    output: str | Path,
+    choices: Choices | None = None,
+    *,
+    rate_hz: float | None = None,
+    overwrite: bool = False,
+    progress: Progress | None = None,
+    aligned: Callable[[AlignedWindow], None] | None = None,
+) -> RunSummary:
+    """Align, navigate and write, streaming from file to file.
+
+    Parameters
+    ----------
+    path : path
+        MCAP log.
+    site : Site
+    output : path
+        Appears when it is complete.
+    choices : Choices, optional
+    rate_hz : float, optional
+        Output rate; every sample by default.
+    overwrite : bool
+    progress : callable, optional
+        Called with bytes of the log read.
+    aligned : callable, optional
+        Called with the alignment before navigation starts.
+
+    Raises
+    ------
+    NavgradeError
+        On anything that prevents a solution; `output` then does not appear.
+    """
+    choices = choices or Choices()
+    path, output = Path(path), Path(output)
+    began = time.perf_counter()
+    reconstruction = choices.reconstruction or site.reconstruction or body.DEFAULT
+    frame = choices.frame or site.frame or frames.DEFAULT
+    vertical = choices.vertical or site.vertical or "free"
+    try:
+        check_choice("reconstruction", reconstruction, body.RECONSTRUCTIONS)
+        check_choice("frame", frame, frames.MECHANIZATIONS)
+        check_choice("vertical", vertical, frames.VERTICAL)
+    except ValueError as error:
+        raise ConfigError(str(error), file=site.file) from None
+    if rate_hz is not None and not (np.isfinite(rate_hz) and rate_hz > 0.0):
+        raise ConfigError(f"the output rate must be positive, got {rate_hz!r} Hz")
+    log = open_log(path, site, choices)
+    if output.exists() and output.samefile(path):
+        raise ConfigError(f"the output {output} is the input log")
+    alignment = None
+    if site.initial is not None:
+        state = _initial_state(log, site.initial)
+    else:
+        alignment = align_log(log, site)
+        state = alignment.state
+        if aligned:
+            aligned(alignment)
+    summary = RunSummary(output, log, alignment, reconstruction, frame, vertical, state)
+    with SolutionWriter(output, overwrite=overwrite, rate_hz=rate_hz) as out:
+        try:
+            for nav in solve(
+                log.blocks(progress),
+                state,
+                reconstruction=reconstruction,
+                mechanization=frame,
+                vertical=vertical,
+                bridge_gaps=choices.bridge_gaps,
+                gaps=summary.gaps,
+            ):
+                out.write(nav)
+                _count(summary, nav)
+        except GapError as error:
+            damage = "; the file is damaged: " + log.issues[0].text if log.issues else ""
+            raise GapError(
+                f"{error}{damage}", file=str(path), topic=log.topic, time_s=error.time_s
+            ) from None
+        summary.issues = [f"{issue.text} (byte {issue.offset})" for issue in log.issues]
+        end_ns = nav.epoch_ns + round(float(nav.t[-1]) * 1e9)
+        out.attach(Path(site.file).name, "application/toml", site.text, end_ns)
+        out.metadata(PROVENANCE, _provenance(summary))
+    summary.seconds = time.perf_counter() - began
+    return summary
+
+
+def _count(summary: RunSummary, nav: Trajectory) -> None:
+    summary.samples += len(nav)
+    summary.final = nav.state(-1)
+    summary.duration = summary.final.t - summary.first.t
+    for bit in Status:
+        name = bit.name or ""
+        hits = int(np.count_nonzero(nav.status & np.uint32(bit)))
+        summary.counts[name] = summary.counts.get(name, 0) + hits
+
+
+def _provenance(summary: RunSummary) -> dict[str, str]:
+    log = summary.log
+    alignment = summary.alignment
+    return {
+        "version": version("navgrade"),
+        "input": log.path.name,
+        "input_sha256": sha256(log.path),
+        "topic": log.topic,
+        "schema": log.schema.name,
+        "kind": log.kind,
+        "axes": log.axes,
+        "gyro_unit": log.gyro_unit,
+        "accel_unit": log.accel_unit,
+        "reconstruction": summary.reconstruction,
+        "frame": summary.frame,
+        "vertical": summary.vertical,
+        "ellipsoid": "WGS84",
+        "samples": str(summary.samples),
+        "alignment": json.dumps(alignment_report(alignment)) if alignment else "given state",
+        "gaps": str(len(summary.gaps)),
+        "gaps_s": json.dumps([[gap.start, gap.length] for gap in summary.gaps]),
+        "defects": str(len(summary.issues)),
+        "defects_text": json.dumps(summary.issues),
+        **{f"samples_{name.lower()}": str(count) for name, count in summary.counts.items()},
+    }
