@@ -135,7 +135,8 @@ def check_units_at_rest(
     if rate > _STEADY_TURN or is_earth_rate:
         raise AlignmentError(
             f"the gyros read {rate:.5f} rad/s, {turns:.1f} times the Earth rate, while the "
-            'specific force stays put: they are in degrees; set imu.gyro_unit = "deg/s" in the site file'
+            "specific force stays put: they are in degrees; set imu.gyro_unit = "
+            '"deg/s" in the site file'
         )
 
 

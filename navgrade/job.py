@@ -125,18 +125,17 @@ def _window_samples(log: ImuLog, window: Window, lat: float) -> ImuSamples:
         last = float(block.t[-1])
         if last > end:
             break
+    if last < end - 1e-3:
+        _check_units(block, lat)
+        raise AlignmentError(
+            f"the alignment window runs from {window.start:g} s to {end:g} s, the log ends at "
+            f"{last:.3f} s; change alignment.start_s and duration_s"
+        )
     if not pieces:
         raise AlignmentError(
-            f"the alignment window starts at {window.start:g} s, the log ends at {last:.3f} s"
+            f"the alignment window from {window.start:g} s to {end:g} s has no samples"
         )
-    samples = concatenate(pieces)
-    if last < end - 1e-3:
-        _check_units(samples, lat)
-        raise AlignmentError(
-            f"the alignment window ends at {end:g} s, the log at {last:.3f} s; shorten "
-            "alignment.duration_s"
-        )
-    return samples
+    return concatenate(pieces)
 
 
 def _check_units(samples: ImuSamples, lat: float) -> None:
