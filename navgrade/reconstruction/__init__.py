@@ -31,7 +31,7 @@ class Reconstruction:
     previous : int
         Samples it looks back.
     order : int
-        Global order of the attitude error in the interval, for smooth motion.
+        Global order of the velocity error in the interval, for smooth motion.
     coning_order : int
         Power of (coning frequency times interval) its pure-coning drift falls with.
     loop : callable
@@ -47,7 +47,7 @@ class Reconstruction:
 
 RECONSTRUCTIONS: dict[str, Reconstruction] = {
     "none": Reconstruction(
-        "increments as they are, no compensation", 0, 2, 2, uncompensated.reconstruct
+        "increments as they are, no compensation", 0, 1, 2, uncompensated.reconstruct
     ),
     "causal-1": Reconstruction(
         "current and previous sample", 1, 3, 4, partial(causal.reconstruct, 1)
