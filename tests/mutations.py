@@ -113,17 +113,17 @@ MUTATIONS = (
         (BODY,),
     ),
     Mutation(
-        "attitude summed without compensation",
+        "position summed without compensation",
         NED,
-        "lost_q = (lost_q0, lost_q1, lost_q2, lost_q3)",
-        "lost_q = (0.0, 0.0, 0.0, 0.0)",
-        (HOUR, LAWS),
+        "return new, (new - total) - y",
+        "return new, 0.0 * y",
+        (LAWS,),
     ),
 )
 
 
-def is_caught(mutation: Mutation, folder: Path) -> bool:
-    """Apply a mutation to a copy and return whether its tests fail."""
+def is_red(mutation: Mutation, folder: Path) -> bool:
+    """Apply a mutation to a copy of the repository and return whether its tests fail."""
     for part in PARTS:
         source = ROOT / part
         if source.is_dir():
@@ -152,10 +152,14 @@ def is_caught(mutation: Mutation, folder: Path) -> bool:
 
 def main() -> None:
     """Try all mutations and report."""
+    untouched = Mutation("no mutation", NED, "class Ned:", "class Ned:", (BODY, LAWS, HOUR))
+    with tempfile.TemporaryDirectory() as folder:
+        if is_red(untouched, Path(folder)):
+            raise SystemExit("the tests fail without any mutation")
     survived = []
     for mutation in MUTATIONS:
         with tempfile.TemporaryDirectory() as folder:
-            caught = is_caught(mutation, Path(folder))
+            caught = is_red(mutation, Path(folder))
         print(f"{'red' if caught else 'SURVIVED':<9}{mutation.name}", flush=True)
         if not caught:
             survived.append(mutation.name)

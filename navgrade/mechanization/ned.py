@@ -30,7 +30,7 @@ MAX_LATITUDE = 89.9 * DEG  # beyond it the transport rate about down outgrows th
 # What one block hands to the next: lat, lon, h, v (3), q (4), lost by the sums of lat, lon, h (3),
 # and of the last interval's middle: acceleration (3), omega_in_n (3), angles per metre (3), and
 # the anchor latitude, its sine and cosine.
-_CARRY = 29
+_CARRY = 25
 
 
 @formula
@@ -109,7 +109,6 @@ def propagate(
     rate = (carry[16], carry[17], carry[18])
     per_metre = (carry[19], carry[20], carry[21])
     near = (carry[22], carry[23], carry[24])
-    lost_q = (carry[25], carry[26], carry[27], carry[28])
     n = dts.shape[0]
     for k in range(n):
         dt = dts[k]
@@ -136,19 +135,19 @@ def propagate(
             lon += 2.0 * np.pi
         v = new
 
-        # q_new = frame * q * body, summed from the small changes so that no digit is lost
+        # q_new = frame * q * body; the small changes are formed first, so they keep their digits
         body = rotvec_to_quat_change((phis[k, 0], phis[k, 1], phis[k, 2]))
         frame = rotvec_to_quat_change((-dt * rate[0], -dt * rate[1], -dt * rate[2]))
         excess = 0.5 - 0.5 * (q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
         turn = quat_product(q, (body[0] + excess, body[1], body[2], body[3]))
         half_way = (q[0] + turn[0], q[1] + turn[1], q[2] + turn[2], q[3] + turn[3])
         drag = quat_product(frame, half_way)
-        q0, lost_q0 = compensated_sum(q[0], lost_q[0], turn[0] + drag[0])
-        q1, lost_q1 = compensated_sum(q[1], lost_q[1], turn[1] + drag[1])
-        q2, lost_q2 = compensated_sum(q[2], lost_q[2], turn[2] + drag[2])
-        q3, lost_q3 = compensated_sum(q[3], lost_q[3], turn[3] + drag[3])
-        q = (q0, q1, q2, q3)
-        lost_q = (lost_q0, lost_q1, lost_q2, lost_q3)
+        q = (
+            half_way[0] + drag[0],
+            half_way[1] + drag[1],
+            half_way[2] + drag[2],
+            half_way[3] + drag[3],
+        )
 
         if not abs(lat) <= max_latitude:
             return k
@@ -170,7 +169,6 @@ def propagate(
     carry[16], carry[17], carry[18] = rate
     carry[19], carry[20], carry[21] = per_metre
     carry[22], carry[23], carry[24] = near
-    carry[25], carry[26], carry[27], carry[28] = lost_q
     return n
 
 
