@@ -76,13 +76,13 @@ def rare_formula(func: F) -> F:
 
 
 def kernel(func: F) -> F:
-    """Compile a loop, cached on disk under a key of all kernel sources."""
+    """Compile a loop, cached on disk under a key of all kernel sources; threads may share it."""
     if CACHE_FOLDER is None:
-        uncached: F = numba.njit(**_OPTIONS)(func)
+        uncached: F = numba.njit(nogil=True, **_OPTIONS)(func)
         return uncached
     previous, _config.CACHE_DIR = _config.CACHE_DIR, CACHE_FOLDER
     try:
-        compiled: F = numba.njit(cache=True, **_OPTIONS)(func)
+        compiled: F = numba.njit(cache=True, nogil=True, **_OPTIONS)(func)
     finally:
         _config.CACHE_DIR = previous
     return compiled

@@ -17,13 +17,13 @@ def earth_rate(params, sin_lat, cos_lat):
 
 
 @formula
-def transport_rate(v_n, v_e, tan_lat, meridian, transverse):
+def transport_rate(v_n, v_e, tan_lat, per_meridian, per_transverse):
     """Return north, east, down of omega_en_n, rad/s.
 
-    `meridian` and `transverse` are radii of curvature plus height, m. Groves (2013), 5.44.
+    The last two arguments are 1/(M + h) and 1/(N + h), 1/m. Groves (2013), 5.44.
     """
-    north = v_e / transverse
-    return north, -v_n / meridian, -north * tan_lat
+    north = v_e * per_transverse
+    return north, -v_n * per_meridian, -north * tan_lat
 
 
 def omega_ie_n(lat: ArrayLike, ellipsoid: Ellipsoid = WGS84) -> NDArray[np.float64]:
@@ -53,7 +53,9 @@ def omega_en_n(
     """
     lat, h, v = np.asarray(lat, float), np.asarray(h, float), np.asarray(v_eb_n, float)
     meridian, transverse = radii(ellipsoid.params, np.sin(lat))
-    rate = transport_rate(v[..., 0], v[..., 1], np.tan(lat), meridian + h, transverse + h)
+    rate = transport_rate(
+        v[..., 0], v[..., 1], np.tan(lat), 1.0 / (meridian + h), 1.0 / (transverse + h)
+    )
     return np.stack(np.broadcast_arrays(*rate), axis=-1)
 
 

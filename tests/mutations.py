@@ -87,8 +87,8 @@ MUTATIONS = (
     Mutation(
         "transport rate sign",
         "earth/rates.py",
-        "return north, -v_n / meridian, -north * tan_lat",
-        "return north, v_n / meridian, -north * tan_lat",
+        "return north, -v_n * per_meridian, -north * tan_lat",
+        "return north, v_n * per_meridian, -north * tan_lat",
         (HOUR,),
     ),
     Mutation(

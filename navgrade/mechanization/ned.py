@@ -62,17 +62,17 @@ def surroundings(params, fit, sin_lat, cos_lat, h, v):
     latitude, longitude and height per metre north, east, down.
     """
     meridian, transverse = radii(params, sin_lat)
-    meridian += h
-    transverse += h
+    per_meridian = 1.0 / (meridian + h)
+    per_transverse = 1.0 / (transverse + h)
     per_cos = 1.0 / cos_lat
     ie_n, ie_d = earth_rate(params, sin_lat, cos_lat)
-    en_n, en_e, en_d = transport_rate(v[0], v[1], sin_lat * per_cos, meridian, transverse)
+    en_n, en_e, en_d = transport_rate(v[0], v[1], sin_lat * per_cos, per_meridian, per_transverse)
     g_n, g_d = fitted_gravity(params, fit, sin_lat, cos_lat, h)
     coriolis = cross((2.0 * ie_n + en_n, en_e, 2.0 * ie_d + en_d), v)
     return (
         (g_n - coriolis[0], -coriolis[1], g_d - coriolis[2]),
         (ie_n + en_n, en_e, ie_d + en_d),
-        (1.0 / meridian, per_cos / transverse, -1.0),
+        (per_meridian, per_cos * per_transverse, -1.0),
     )
 
 
