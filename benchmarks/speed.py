@@ -1,0 +1,146 @@
+"""Speed, start-up and memory; ratios in one run, since machines differ and drift."""
+
+from __future__ import annotations
+
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+
+from navgrade import navigate, write_increments
+from navgrade.imu import ImuSamples
+from tests.navgrade.engine import samples, state_at
+from tests.oracles.truth import turning_vehicle
+
+SAMPLES = 720_000
+ROUNDS = 7
+
+
+def kernel_ratio() -> list[str]:
+    """`navigate` (causal-3, frame n, all states stored, warm) against pyins' compiled kernel."""
+    from benchmarks.peers import run_pyins
+
+    motion = turning_vehicle()
+    exact = motion.increments(np.arange(SAMPLES + 1) * 0.005)
+    imu, state = samples(exact), state_at(motion, 0.0)
+    start = motion.state(0.0)
+    navigate(imu, state)
+    ours, peers, ratios = [], [], []
+    for _ in range(ROUNDS):
+        peer = run_pyins(
+            exact.dt,
+            exact.dtheta,
+            exact.dvel,
+            start.lat[0],
+            start.lon[0],
+            start.h[0],
+            start.v_eb_n[0],
+            start.roll[0],
+            start.pitch[0],
+            start.heading[0],
+            repeats=1,
+        )
+        times = []
+        for _ in range(2):
+            began = time.perf_counter()
+            navigate(imu, state)
+            times.append(time.perf_counter() - began)
+        ours.append(min(times) / SAMPLES * 1e9)
+        peers.append(peer.kernel_seconds / SAMPLES * 1e9)
+        ratios.append(ours[-1] / peers[-1])
+    return [
+        f"{SAMPLES} increments, {ROUNDS} rounds, ns per increment: least, median",
+        f"  navgrade.navigate, causal-3, frame n  {min(ours):6.1f} {statistics.median(ours):6.1f}",
+        f"  pyins' compiled kernel alone          {min(peers):6.1f} {statistics.median(peers):6.1f}",
+        f"  ratio                                 {min(ratios):6.3f} "
+        f"{statistics.median(ratios):6.3f}  (wanted: at most 0.25)",
+    ]
+
+
+def startup() -> list[str]:
+    """`navgrade --help`, and what a second process pays before it navigates."""
+    first_call = (
+        "import time; began = time.perf_counter()\n"
+        "import numpy as np, navgrade\n"
+        "n = 10; t = np.arange(1, n + 1) * 0.01\n"
+        "imu = navgrade.ImuSamples(t=t, gyro=np.zeros((n, 3)), accel=np.zeros((n, 3)), "
+        "kind='increment')\n"
+        "navgrade.navigate(imu, navgrade.NavState(lat=0.5, lon=0.1, h=0.0))\n"
+        "print(time.perf_counter() - began)"
+    )
+    helps, firsts = [], []
+    for _ in range(5):
+        began = time.perf_counter()
+        subprocess.run(
+            [sys.executable, "-m", "navgrade", "--help"], check=True, capture_output=True
+        )
+        helps.append(time.perf_counter() - began)
+        done = subprocess.run(
+            [sys.executable, "-c", first_call], check=True, capture_output=True, text=True
+        )
+        firsts.append(float(done.stdout))
+    return [
+        f"navgrade --help                    {statistics.median(helps):.3f} s  (wanted: under 0.4)",
+        f"second process, import to solution {statistics.median(firsts[1:]):.3f} s  "
+        "(wanted: under 1)",
+    ]
+
+
+def memory() -> list[str]:
+    """Peak memory of `navgrade run` on a log and on one ten times longer."""
+    lines = []
+    peaks = []
+    with tempfile.TemporaryDirectory() as folder:
+        for count in (100_000, 1_000_000):
+            log, site, out = (Path(folder) / name for name in ("log.mcap", "site.toml", "out.mcap"))
+            _still_log(log, count)
+            site.write_text(_SITE)
+            code = (
+                "import sys, resource; from navgrade.cli import main\n"
+                "try: main(sys.argv[1:])\n"
+                "except SystemExit as end: assert not end.code\n"
+                "print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)"
+            )
+            command = ["run", str(log), "-c", str(site), "-o", str(out), "--overwrite"]
+            began = time.perf_counter()
+            done = subprocess.run(
+                [sys.executable, "-c", code, *command], check=True, capture_output=True, text=True
+            )
+            seconds = time.perf_counter() - began
+            peaks.append(int(done.stdout.split()[-1]) / 1024)
+            lines.append(
+                f"navgrade run, {count:>9,} samples: {seconds:6.2f} s, peak {peaks[-1]:.0f} MB"
+            )
+    lines.append(f"ten times longer costs {peaks[1] - peaks[0]:+.0f} MB  (wanted: no more)")
+    return lines
+
+
+_SITE = """
+[imu]
+axes = "FRD"
+[initial]
+time_ns = 0
+latitude = 30.0
+longitude = 114.0
+height_m = 35.0
+roll_deg = 0.0
+pitch_deg = 0.0
+heading_deg = 0.0
+"""
+
+
+def _still_log(path: Path, count: int) -> None:
+    dt = 0.005
+    noise = np.random.default_rng(1).standard_normal((2, count, 3)) * 1e-6
+    imu = ImuSamples(
+        t=np.arange(1, count + 1) * dt,
+        dt=np.full(count, dt),
+        gyro=noise[0],
+        accel=noise[1] + np.array([0.0, 0.0, -9.79 * dt]),
+        kind="increment",
+    )
+    write_increments(path, imu, overwrite=True)

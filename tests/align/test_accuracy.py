@@ -1,0 +1,133 @@
+"""The sigmas an alignment predicts are the scatter it has."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from align import SensorErrors, align_static
+from align.accuracy import euler_sigmas, heading_sigma, tilt_sigma
+from earth import Ellipsoid
+from tests.align.at_rest import DEG, DEG_H, HALF, UG, Array, error_n, rotation, still
+from tests.oracles.constants import OMEGA
+
+RUNS = 300
+ARW = 0.003 * DEG / 60.0  # rad/sqrt(s), navigation grade: 0.003 deg/sqrt(h)
+VRW = 10.0 * UG  # (m/s)/sqrt(s)
+NOISE_ONLY = SensorErrors(gyro_bias=0.0, accel_bias=0.0, arw=ARW, vrw=VRW)
+BIASED = SensorErrors(gyro_bias=0.01 * DEG_H, accel_bias=50.0 * UG, arw=ARW, vrw=VRW)
+TACTICAL = SensorErrors(
+    gyro_bias=0.3 * DEG_H, accel_bias=500.0 * UG, arw=0.02 * DEG / 60.0, vrw=50.0 * UG
+)
+
+
+@pytest.mark.parametrize("lat_deg", [0.0, 45.0, 70.0, -70.0])
+@pytest.mark.parametrize(
+    "errors", [NOISE_ONLY, BIASED, TACTICAL], ids=["noise only", "biased", "tactical"]
+)
+def test_predicted_sigmas_match_the_scatter(lat_deg: float, errors: SensorErrors) -> None:
+    """100 s of a 100 Hz IMU, as means over a quarter of a second; biases drawn anew each run."""
+    assert errors.gyro_bias is not None
+    assert errors.accel_bias is not None
+    assert errors.arw is not None
+    assert errors.vrw is not None
+    rng = np.random.default_rng(60)
+    window = still(lat_deg, rotation(-0.4, 0.6, 2.0), count=400, dt=0.25)
+    found, predicted, euler = [], [], []
+    for _ in range(RUNS):
+        felt = window.noisy(rng, errors.arw, errors.vrw).plus(
+            gyro=errors.gyro_bias * rng.normal(size=3),
+            accel=errors.accel_bias * rng.normal(size=3),
+        )
+        result = align_static(*felt.samples, errors=errors)
+        assert result.method == "triad"
+        found.append(error_n(result.q_nb, window.attitude))
+        predicted.append((result.tilt_sigma, result.tilt_sigma, result.azimuth_sigma))
+        euler.append((result.roll_sigma, result.pitch_sigma))
+    scatter = np.sqrt(np.mean(np.square(found), axis=0))
+    mean = np.mean(predicted, axis=0)
+    # Relative. The scatter of 300 runs is known to 4 %; taking the larger of stated and observed
+    # noise adds 5 % where noise rules.
+    np.testing.assert_allclose(mean, scatter, rtol=0.15)
+    tilt = float(np.hypot(errors.accel_bias, errors.vrw / 10.0)) / window.g
+    # Closed form with 10 = sqrt(100 s); observed noise may add 5 %.
+    np.testing.assert_allclose(mean[:2], tilt, rtol=0.1)
+    # Roll blurs as 1/cos(pitch), pitch does not.
+    np.testing.assert_allclose(np.mean(euler, axis=0), (mean[0] / np.cos(0.6), mean[0]), rtol=1e-4)
+
+
+@pytest.mark.parametrize("lat_deg", [-45.0, 20.0])
+def test_noise_that_nobody_states_is_read_off_the_data(lat_deg: float) -> None:
+    """Only the biases are stated (as none): the sub-windows show the noise."""
+    rng = np.random.default_rng(61)
+    window = still(lat_deg, rotation(3.0, -0.3, 0.4), count=400, dt=0.25)
+    silent = SensorErrors(gyro_bias=0.0, accel_bias=0.0)
+    found, predicted = [], []
+    for _ in range(RUNS):
+        result = align_static(*window.noisy(rng, ARW, VRW).samples, errors=silent)
+        found.append(error_n(result.q_nb, window.attitude))
+        predicted.append((result.tilt_sigma, result.tilt_sigma, result.azimuth_sigma))
+    scatter = np.sqrt(np.mean(np.square(found), axis=0))
+    np.testing.assert_allclose(np.mean(predicted, axis=0), scatter, rtol=0.15)
+
+
+@pytest.mark.parametrize("lat_deg", [-60.0, 0.0, 45.0, 70.0])
+def test_heading_sigma_in_closed_form(lat_deg: float) -> None:
+    """Each part alone, and both as independent; the sign of the latitude does not enter."""
+    lat = lat_deg * DEG
+    by_gyro = heading_sigma(0.01 * DEG_H, 0.0, lat, 9.81)
+    assert by_gyro == pytest.approx(0.01 * DEG_H / (OMEGA * np.cos(lat)), rel=1e-14)
+    by_tilt = heading_sigma(0.0, 981e-6, lat, 9.81)
+    assert by_tilt == pytest.approx(abs(np.tan(lat)) * 1e-4, rel=1e-14, abs=1e-20)
+    both = heading_sigma(0.01 * DEG_H, 981e-6, lat, 9.81)
+    assert both == pytest.approx(np.sqrt(by_gyro**2 + by_tilt**2), rel=1e-14)
+    assert tilt_sigma(981e-6, 9.81) == pytest.approx(1e-4, rel=1e-14)
+
+
+def test_heading_sigma_of_a_faster_planet() -> None:
+    fast = Ellipsoid("fast", 6.4e6, 1.0 / 300.0, 4e14, 2.0 * OMEGA, "made up")
+    slow = heading_sigma(1e-8, 0.0, 0.9, 9.81)
+    assert heading_sigma(1e-8, 0.0, 0.9, 9.81, fast) == pytest.approx(0.5 * slow, rel=1e-14)
+
+
+@pytest.mark.parametrize(
+    "euler",
+    [
+        (0.0, 0.0, 0.0),
+        (0.7, 0.5, 2.0),
+        (-3.0, -1.2, -1.0),
+        (1.0, HALF - 0.1, 0.3),
+        (2.0, 0.02 - HALF, -3.0),
+    ],
+)
+def test_euler_sigmas_match_the_scatter(euler: tuple[float, float, float]) -> None:
+    """Small rotations about north, east, down, carried to Euler angles by SciPy."""
+    tilt, azimuth = 2e-6, 5e-6  # rad, small enough that even 1/cos(pitch) = 50 stays linear
+    rng = np.random.default_rng(62)
+    turns = Rotation.from_rotvec(rng.normal(size=(40_000, 3)) * [tilt, tilt, azimuth])
+    found: Array = (turns * rotation(*euler)).as_euler("ZYX")[:, ::-1] - np.array(euler)
+    found = np.remainder(found + np.pi, 2.0 * np.pi) - np.pi
+    # Relative: the scatter of 40 000 draws is known to 0.35 %; four of these.
+    np.testing.assert_allclose(euler_sigmas(np.array(euler), tilt, azimuth), found.std(0), rtol=0.014)
+
+
+@pytest.mark.parametrize("pitch", [HALF, -HALF, HALF - 1e-9, 1e-3 - HALF])
+def test_euler_sigmas_at_pitch_90(pitch: float) -> None:
+    """Roll and heading are lost, and say so within half a turn; pitch is as good as ever."""
+    tilt, azimuth = 2e-3, 1e-4
+    roll_sigma, pitch_sigma, heading_sigma_ = euler_sigmas(np.array([0.3, pitch, 1.0]), tilt, azimuth)
+    assert pitch_sigma == tilt
+    steep = tilt / np.cos(1e-3 - HALF) if pitch == 1e-3 - HALF else np.pi  # tilt is 2 cos(pitch)
+    assert roll_sigma == pytest.approx(steep, rel=1e-6)
+    assert heading_sigma_ == pytest.approx(min(np.hypot(azimuth, steep), np.pi), rel=1e-6)
+
+
+@pytest.mark.parametrize("pitch", [HALF, -HALF])
+def test_the_attitude_is_no_worse_at_pitch_90(pitch: float) -> None:
+    window = still(50.0, rotation(0.4, pitch, 1.0))
+    result = align_static(*window.samples, errors=BIASED)
+    assert result.roll_sigma == result.heading_sigma == np.pi
+    reference = align_static(*still(50.0, rotation(0.4, 0.1, 1.0)).samples, errors=BIASED)
+    # Stated biases and a perfect window: the same but for the rounding of the noise.
+    assert result.tilt_sigma == pytest.approx(reference.tilt_sigma, rel=1e-9)
+    assert result.azimuth_sigma == pytest.approx(reference.azimuth_sigma, rel=1e-9)
+    assert result.pitch_sigma == result.tilt_sigma
