@@ -36,11 +36,10 @@ _LIMITS = """
   comes on top, and with real sensors it is larger by orders of magnitude.
 - Vibration above a tenth of the sample rate: the error grows with the eighth power of frequency
   (`causal-3`), and nothing recovers what lies beyond half the sample rate.
-- Frame n: latitudes to ±89.9°. Within a degree of the pole errors grow as 1/cos(latitude).
-- Heights from -1 to 20 km run on the gravity fit; outside, on the closed form, at a fifth of the
-  speed and the same accuracy.
-- Normal gravity is the ellipsoid's. The real field differs by 3e-4 m/s² rms, some 300 m per axis
-  after an hour; no integration removes that.
+- Frame n: latitudes to ±89.9°.
+- Heights from -1 to 20 km run on the gravity fit; outside, on the closed form, more slowly.
+- Normal gravity is the ellipsoid's. The real field departs from it, and no integration removes
+  that.
 """
 
 

@@ -54,11 +54,14 @@ def kernel_ratio() -> list[str]:
         ratios.append(ours[-1] / peers[-1])
     return [
         f"{SAMPLES} increments, {ROUNDS} rounds, ns per increment: least, median",
-        f"  navgrade.navigate, causal-3, frame n  {min(ours):6.1f} {statistics.median(ours):6.1f}",
-        f"  pyins' compiled kernel alone          {min(peers):6.1f} {statistics.median(peers):6.1f}",
-        f"  ratio                                 {min(ratios):6.3f} "
-        f"{statistics.median(ratios):6.3f}  (wanted: at most 0.25)",
+        _line("navgrade.navigate, causal-3, frame n", ours, ".1f"),
+        _line("pyins' compiled kernel alone", peers, ".1f"),
+        _line("ratio", ratios, ".3f") + "  (wanted: at most 0.25)",
     ]
+
+
+def _line(name: str, values: list[float], form: str) -> str:
+    return f"  {name:<38}{min(values):7{form}} {statistics.median(values):7{form}}"
 
 
 def startup() -> list[str]:
@@ -100,10 +103,11 @@ def memory() -> list[str]:
             _still_log(log, count)
             site.write_text(_SITE)
             code = (
-                "import sys, resource; from navgrade.cli import main\n"
+                "import sys; from navgrade.cli import main\n"
                 "try: main(sys.argv[1:])\n"
                 "except SystemExit as end: assert not end.code\n"
-                "print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)"
+                "status = open('/proc/self/status').read()\n"
+                "print(status.split('VmHWM:')[1].split()[0])"
             )
             command = ["run", str(log), "-c", str(site), "-o", str(out), "--overwrite"]
             began = time.perf_counter()

@@ -50,8 +50,18 @@ def main() -> None:
     with (HERE / "sample_truth.csv").open("w", newline="") as file:
         out = csv.writer(file, lineterminator="\n")
         out.writerow(
-            "t_s latitude_deg longitude_deg height_m v_north_m_s v_east_m_s v_down_m_s "
-            "roll_deg pitch_deg heading_deg".split()
+            [
+                "t_s",
+                "latitude_deg",
+                "longitude_deg",
+                "height_m",
+                "v_north_m_s",
+                "v_east_m_s",
+                "v_down_m_s",
+                "roll_deg",
+                "pitch_deg",
+                "heading_deg",
+            ]
         )
         for k in range(len(t)):
             place = f"{state.lat[k] / DEG:.12f}", f"{state.lon[k] / DEG:.12f}", f"{state.h[k]:.6f}"

@@ -137,8 +137,7 @@ def normal_gravity_n(
     ndarray, shape (..., 3)
         ``g_n``, m/s^2; the east component is zero. Accuracy 1e-11 m/s^2 from the surface to
         100 km (`tests/earth/test_gravity.py`, against GeographicLib's table and 50-digit
-        arithmetic). It is the field of the ellipsoid: the real Earth departs from it by
-        3e-4 m/s^2 rms.
+        arithmetic). It is the field of the ellipsoid; the real Earth departs from it.
     """
     lat, h = np.broadcast_arrays(np.asarray(lat, float), np.asarray(h, float))
     north, down = closed_form_gravity(ellipsoid.params, np.sin(lat), np.cos(lat), h)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
@@ -16,8 +17,9 @@ from navgrade.gaps import Gap, without_gaps
 from navgrade.imu import BodyIncrements, ImuSamples, concatenate
 from navgrade.mechanization import MECHANIZATIONS, VERTICAL
 from navgrade.reconstruction import RECONSTRUCTIONS, reconstruct, to_increments
-from navgrade.state import NavState, Trajectory
+from navgrade.state import Columns, NavState, Trajectory
 
+BLOCK = 65_536  # samples of one block of an array held in memory
 _COINCIDE = 1e-9  # s: a state this close to a sample's end needs no split
 
 
@@ -70,6 +72,15 @@ def _from(blocks: Iterable[ImuSamples], t: float) -> Iterator[ImuSamples]:
         raise StateTimeError(f"state.t = {t:.9f} s leaves no samples to integrate: {last}")
 
 
+def _ahead(items: Iterator[BodyIncrements]) -> Iterator[BodyIncrements]:
+    """Hand items on while a second thread makes the next one."""
+    with ThreadPoolExecutor(1) as worker:
+        pending = worker.submit(next, items, None)
+        while (item := pending.result()) is not None:
+            pending = worker.submit(next, items, None)
+            yield item
+
+
 def solve(
     blocks: Iterable[ImuSamples],
     state: NavState,
@@ -80,10 +91,12 @@ def solve(
     bridge_gaps: bool = False,
     ellipsoid: Ellipsoid = WGS84,
     gaps: list[Gap] | None = None,
+    room: Columns | None = None,
 ) -> Iterator[Trajectory]:
     """Navigate through consecutive blocks of samples in bounded memory.
 
-    Parameters are those of `navigate`, and
+    The body stage of the next block runs on a second thread. Parameters are those of `navigate`,
+    and
 
     Parameters
     ----------
@@ -91,6 +104,8 @@ def solve(
         Consecutive; the solution does not depend, bit for bit, on where they end.
     gaps : list of Gap, optional
         Receives the gaps met.
+    room : Columns, optional
+        Rows are written there, one block after the other, as long as they fit.
 
     Yields
     ------
@@ -110,7 +125,9 @@ def solve(
             yield block
 
     mechanizer = None
-    for increments in reconstruct(_from(to_increments(noted(whole)), state.t), reconstruction):
+    rows = 0
+    body_increments = reconstruct(_from(to_increments(noted(whole)), state.t), reconstruction)
+    for increments in _ahead(body_increments):
         first = int(np.searchsorted(increments.t, state.t + _COINCIDE, side="right"))
         if first == len(increments):
             continue
@@ -126,7 +143,11 @@ def solve(
             mechanizer = MECHANIZATIONS[mechanization].start(
                 state, vertical=vertical, ellipsoid=ellipsoid, epoch_ns=epoch_ns[0]
             )
-        yield mechanizer.advance(increments)
+        start, rows = rows, rows + len(increments)
+        fits = room is not None and rows <= len(room.lat)
+        yield mechanizer.advance(
+            increments, room.rows(start, rows) if room is not None and fits else None
+        )
 
 
 def navigate(
@@ -178,29 +199,32 @@ def navigate(
     Accuracy with exact increments at 200 Hz, ``causal-3``, after 1 h at 100 m/s in permanent
     turns: see docs/accuracy.md, which a command writes and tests guard.
     """
+    room = Columns.empty(len(imu) + 1)
     pieces = solve(
-        [imu],
+        imu.blocks(BLOCK),
         state,
         reconstruction=reconstruction,
         mechanization=mechanization,
         vertical=vertical,
         bridge_gaps=bridge_gaps,
         ellipsoid=ellipsoid,
+        room=room,
     )
-    return join(list(pieces))
+    return _join(list(pieces), room)
 
 
-def join(pieces: list[Trajectory]) -> Trajectory:
-    """Put the consecutive pieces of a trajectory together."""
-    if len(pieces) == 1:
-        return pieces[0]
+def _join(pieces: list[Trajectory], room: Columns) -> Trajectory:
+    """Put consecutive pieces together, which were written to `room` unless it was too small."""
+    rows = sum(map(len, pieces))
+    if rows <= len(room.lat):
+        columns = room.rows(0, rows)
+    else:
+        columns = Columns(
+            *(np.concatenate([getattr(p, name) for p in pieces]) for name in Columns._fields)
+        )
     return Trajectory(
-        t=np.concatenate([piece.t for piece in pieces]),
-        lat=np.concatenate([piece.lat for piece in pieces]),
-        lon=np.concatenate([piece.lon for piece in pieces]),
-        h=np.concatenate([piece.h for piece in pieces]),
-        v_eb_n=np.concatenate([piece.v_eb_n for piece in pieces]),
-        q_nb=np.concatenate([piece.q_nb for piece in pieces]),
-        status=np.concatenate([piece.status for piece in pieces]),
-        epoch_ns=pieces[0].epoch_ns,
+        np.concatenate([piece.t for piece in pieces]),
+        *columns,
+        np.concatenate([piece.status for piece in pieces]),
+        pieces[0].epoch_ns,
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -71,6 +72,25 @@ def _vector(name: str, values: ArrayLike, size: int) -> NDArray[np.float64]:
         raise ValueError(f"{name} must be {size} finite numbers, got {values!r}")
     array.setflags(write=False)
     return array
+
+
+class Columns(NamedTuple):
+    """Room for a solution's rows, to be filled in place."""
+
+    lat: NDArray[np.float64]
+    lon: NDArray[np.float64]
+    h: NDArray[np.float64]
+    v_eb_n: NDArray[np.float64]
+    q_nb: NDArray[np.float64]
+
+    @classmethod
+    def empty(cls, n: int) -> Columns:
+        """Room for `n` rows."""
+        return cls(np.empty(n), np.empty(n), np.empty(n), np.empty((n, 3)), np.empty((n, 4)))
+
+    def rows(self, start: int, stop: int) -> Columns:
+        """The room of some rows, shared."""
+        return Columns(*(column[start:stop] for column in self))
 
 
 @dataclass(frozen=True, eq=False)

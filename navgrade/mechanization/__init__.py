@@ -11,14 +11,14 @@ from typing import Protocol
 from earth.ellipsoid import Ellipsoid
 from navgrade.imu import BodyIncrements
 from navgrade.mechanization.ned import Ned
-from navgrade.state import NavState, Trajectory
+from navgrade.state import Columns, NavState, Trajectory
 
 
 class Mechanizer(Protocol):
     """A state that body increments advance."""
 
-    def advance(self, increments: BodyIncrements) -> Trajectory:
-        """Integrate a block of increments."""
+    def advance(self, increments: BodyIncrements, room: Columns | None = None) -> Trajectory:
+        """Integrate a block of increments, into `room` where given."""
 
 
 class MechanizerFactory(Protocol):

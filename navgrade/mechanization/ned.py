@@ -23,7 +23,7 @@ from earth.rotation import cross, quat_product, quat_rotate, rotvec_to_quat_chan
 from earth.units import DEG
 from navgrade.errors import NumericalError
 from navgrade.imu import BodyIncrements
-from navgrade.state import NavState, Trajectory
+from navgrade.state import Columns, NavState, Trajectory
 
 MAX_LATITUDE = 89.9 * DEG  # beyond it the transport rate about down outgrows the step
 
@@ -218,11 +218,10 @@ class Ned:
         )
         self._carry[22:25] = state.lat, sin_lat, cos_lat
 
-    def advance(self, increments: BodyIncrements) -> Trajectory:
-        """Integrate a block; the result does not depend on where blocks end."""
+    def advance(self, increments: BodyIncrements, room: Columns | None = None) -> Trajectory:
+        """Integrate a block, into `room` where given; the values do not depend on block ends."""
         n = len(increments)
-        lat, lon, h = np.empty(n), np.empty(n), np.empty(n)
-        v_eb_n, q_nb = np.empty((n, 3)), np.empty((n, 4))
+        out = Columns.empty(n) if room is None else room
         done = propagate(
             self._params,
             self._fit,
@@ -232,18 +231,12 @@ class Ned:
             increments.phi,
             increments.dv,
             self._carry,
-            lat,
-            lon,
-            h,
-            v_eb_n,
-            q_nb,
+            *out,
         )
         if done < n:
             raise self._too_far_north(float(increments.t[done]), self._rows + done)
         self._rows += n
-        return Trajectory(
-            increments.t, lat, lon, h, v_eb_n, q_nb, increments.status, self._epoch_ns
-        )
+        return Trajectory(increments.t, *out, increments.status, self._epoch_ns)
 
     @staticmethod
     def _too_far_north(t: float, index: int = 0) -> NumericalError:

@@ -5,9 +5,7 @@ This stage knows nothing of the Earth. An algorithm is one file and one line of 
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable, Iterable, Iterator
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
 
@@ -19,8 +17,6 @@ from navgrade.reconstruction import causal, uncompensated
 from navgrade.reconstruction.increments import to_increments
 
 Array = NDArray[np.float64]
-
-_ROWS_PER_THREAD = 50_000  # a millisecond of work; fewer rows are not worth a thread
 
 __all__ = ["DEFAULT", "RECONSTRUCTIONS", "Reconstruction", "reconstruct", "to_increments"]
 
@@ -63,32 +59,6 @@ RECONSTRUCTIONS: dict[str, Reconstruction] = {
 DEFAULT = "causal-3"
 
 
-def _on_all_cores(
-    chosen: Reconstruction, block: ImuSamples, first: int, phi: Array, dv: Array
-) -> None:
-    """Fill the rows from `first` on; rows depend on samples only, so threads share them out."""
-    n = len(block)
-    threads = min(os.cpu_count() or 1, n // _ROWS_PER_THREAD)
-
-    def fill(start: int, stop: int) -> None:
-        low = max(start - chosen.previous, 0)
-        chosen.loop(
-            block.dt[low:stop],
-            block.gyro[low:stop],
-            block.accel[low:stop],
-            start - low,
-            phi[start:stop],
-            dv[start:stop],
-        )
-
-    if threads < 2:
-        fill(first, n)
-        return
-    ends = np.linspace(first, n, threads + 1).astype(int).tolist()
-    with ThreadPoolExecutor(threads) as pool:
-        list(pool.map(fill, ends[:-1], ends[1:]))
-
-
 def reconstruct(blocks: Iterable[ImuSamples], algorithm: str) -> Iterator[BodyIncrements]:
     """Turn consecutive blocks of increments into body increments, one row per sample.
 
@@ -116,7 +86,7 @@ def reconstruct(blocks: Iterable[ImuSamples], algorithm: str) -> Iterator[BodyIn
         if context is not None and head:
             seam = concatenate([context, block[:head]])
             chosen.loop(seam.dt, seam.gyro, seam.accel, known, phi[:head], dv[:head])
-        _on_all_cores(chosen, block, head, phi, dv)
+        chosen.loop(block.dt, block.gyro, block.accel, head, phi[head:], dv[head:])
         status = block.status
         short = max(chosen.previous - known, 0)
         if short:
