@@ -20,6 +20,9 @@ EPOCH_NS = 1_767_225_600_000_000_000  # 2026-01-01T00:00:00Z
 RATE = 100  # Hz
 T_STILL, T_RAMP, T_END = 180, 20, 360  # s
 TRUTH_RATE = 10  # Hz
+POSITION = ("latitude_deg", "longitude_deg", "height_m")
+VELOCITY = ("v_north_m_s", "v_east_m_s", "v_down_m_s")
+ATTITUDE = ("roll_deg", "pitch_deg", "heading_deg")
 
 # What the IMU does wrong: biases drawn once from the 1-sigma the site file states, white noise.
 GYRO_BIAS = np.array([0.006, -0.009, 0.011]) * DEG_PER_H
@@ -49,20 +52,7 @@ def main() -> None:
     state = motion.state(t)
     with (HERE / "sample_truth.csv").open("w", newline="") as file:
         out = csv.writer(file, lineterminator="\n")
-        out.writerow(
-            [
-                "t_s",
-                "latitude_deg",
-                "longitude_deg",
-                "height_m",
-                "v_north_m_s",
-                "v_east_m_s",
-                "v_down_m_s",
-                "roll_deg",
-                "pitch_deg",
-                "heading_deg",
-            ]
-        )
+        out.writerow(["t_s", *POSITION, *VELOCITY, *ATTITUDE])
         for k in range(len(t)):
             place = f"{state.lat[k] / DEG:.12f}", f"{state.lon[k] / DEG:.12f}", f"{state.h[k]:.6f}"
             velocity = (f"{v:.9f}" for v in state.v_eb_n[k])

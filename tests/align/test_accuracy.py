@@ -107,14 +107,18 @@ def test_euler_sigmas_match_the_scatter(euler: tuple[float, float, float]) -> No
     found: Array = (turns * rotation(*euler)).as_euler("ZYX")[:, ::-1] - np.array(euler)
     found = np.remainder(found + np.pi, 2.0 * np.pi) - np.pi
     # Relative: the scatter of 40 000 draws is known to 0.35 %; four of these.
-    np.testing.assert_allclose(euler_sigmas(np.array(euler), tilt, azimuth), found.std(0), rtol=0.014)
+    np.testing.assert_allclose(
+        euler_sigmas(np.array(euler), tilt, azimuth), found.std(0), rtol=0.014
+    )
 
 
 @pytest.mark.parametrize("pitch", [HALF, -HALF, HALF - 1e-9, 1e-3 - HALF])
 def test_euler_sigmas_at_pitch_90(pitch: float) -> None:
     """Roll and heading are lost, and say so within half a turn; pitch is as good as ever."""
     tilt, azimuth = 2e-3, 1e-4
-    roll_sigma, pitch_sigma, heading_sigma_ = euler_sigmas(np.array([0.3, pitch, 1.0]), tilt, azimuth)
+    roll_sigma, pitch_sigma, heading_sigma_ = euler_sigmas(
+        np.array([0.3, pitch, 1.0]), tilt, azimuth
+    )
     assert pitch_sigma == tilt
     steep = tilt / np.cos(1e-3 - HALF) if pitch == 1e-3 - HALF else np.pi  # tilt is 2 cos(pitch)
     assert roll_sigma == pytest.approx(steep, rel=1e-6)

@@ -30,7 +30,9 @@ WGS84 = ExactEllipsoid(
     omega=constants.OMEGA_TEXT,
 )
 # Moritz (2000), table 1 and the derived reciprocal flattening
-GRS80 = ExactEllipsoid(a="6378137", inverse_f="298.257222100882711", GM="3986005e8", omega="7292115e-11")
+GRS80 = ExactEllipsoid(
+    a="6378137", inverse_f="298.257222100882711", GM="3986005e8", omega="7292115e-11"
+)
 # Flatter, smaller and faster than any planet a vehicle drives on: terms the Earth hides stand out
 FLAT = ExactEllipsoid(a="3396190", inverse_f="50", GM="4.2828e13", omega="2.5e-4")
 
@@ -65,5 +67,7 @@ def C_en(lat: mpf, lon: mpf) -> mp.matrix:
     """North, east and down at a place, as columns in Earth-fixed axes."""
     up = [mp.cos(lat) * mp.cos(lon), mp.cos(lat) * mp.sin(lon), mp.sin(lat)]
     east = [-mp.sin(lon), mp.cos(lon), mpf(0)]
-    north = [up[(i + 1) % 3] * east[(i + 2) % 3] - up[(i + 2) % 3] * east[(i + 1) % 3] for i in range(3)]
+    north = [
+        up[(i + 1) % 3] * east[(i + 2) % 3] - up[(i + 2) % 3] * east[(i + 1) % 3] for i in range(3)
+    ]
     return mp.matrix([[north[i], east[i], -up[i]] for i in range(3)])

@@ -12,7 +12,9 @@ from tests.oracles import constants
 
 FLAT = Ellipsoid("flat", 3396190.0, 1.0 / 50.0, 4.2828e13, 2.5e-4, "made up")
 PAIRS = [(WGS84, exact.WGS84), (GRS80, exact.GRS80), (FLAT, exact.FLAT)]
-EACH_PAIR = pytest.mark.parametrize(("ellipsoid", "truth"), PAIRS, ids=lambda x: getattr(x, "name", ""))
+EACH_PAIR = pytest.mark.parametrize(
+    ("ellipsoid", "truth"), PAIRS, ids=lambda x: getattr(x, "name", "")
+)
 
 
 def closed_q(x: mpf) -> tuple[mpf, mpf]:

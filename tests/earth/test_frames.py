@@ -31,9 +31,7 @@ RIGHT_HANDED = [axes for axes in TRIPLES if handedness(axes) > 0.5]
 
 def test_C_en_against_the_table(shared_data: Path) -> None:
     """The table's columns are east, north and up in Earth-fixed axes."""
-    table = np.loadtxt(
-        shared_data / "lla_ecef_wgs84_geographiclib.csv", delimiter=",", skiprows=1
-    )
+    table = np.loadtxt(shared_data / "lla_ecef_wgs84_geographiclib.csv", delimiter=",", skiprows=1)
     east, north, up = np.moveaxis(table[:, 8:].reshape(-1, 3, 3), -1, 0)
     found = C_en(table[:, 0] * DEG, table[:, 1] * DEG)
     truth = np.stack([north, east, -up], axis=-1)

@@ -36,7 +36,9 @@ LATITUDES = np.concatenate(
         [1e-9, -1e-9, -33.5 * DEG, 51.07995352 * DEG],
     ]
 )
-LONGITUDES = np.array([-180.0, -179.999999999, -114.13, -1e-9, 0.0, 10.0, 151.25, 179.999999999]) * DEG
+LONGITUDES = (
+    np.array([-180.0, -179.999999999, -114.13, -1e-9, 0.0, 10.0, 151.25, 179.999999999]) * DEG
+)
 
 
 class Table(NamedTuple):
@@ -52,9 +54,7 @@ class Table(NamedTuple):
 
 @pytest.fixture(scope="module")
 def table(shared_data: Path) -> Table:
-    rows = np.loadtxt(
-        shared_data / "lla_ecef_wgs84_geographiclib.csv", delimiter=",", skiprows=1
-    )
+    rows = np.loadtxt(shared_data / "lla_ecef_wgs84_geographiclib.csv", delimiter=",", skiprows=1)
     assert len(rows) == 200
     return Table(
         rows[:, 0] * DEG, rows[:, 1] * DEG, rows[:, 2], rows[:, 3:6], rows[:, 6], rows[:, 7]

@@ -37,7 +37,13 @@ def test_the_key_depends_on_the_sources_alone(sources: Path) -> None:
 
 @pytest.mark.parametrize(
     "name",
-    ["earth/gravity.py", "earth/rotation.py", "earth/rates.py", "earth/geodetic.py", "earth/_jit.py"],
+    [
+        "earth/gravity.py",
+        "earth/rotation.py",
+        "earth/rates.py",
+        "earth/geodetic.py",
+        "earth/_jit.py",
+    ],
 )
 def test_the_key_changes_with_any_kernel_source(sources: Path, name: str) -> None:
     key = _jit._sources_key(sources)

@@ -101,7 +101,9 @@ def test_rates_follow_the_ellipsoid_given() -> None:
     base = Ellipsoid("base", 6.4e6, 1.0 / 300.0, 4e14, 7e-5, "made up")
     other = Ellipsoid("other", 1.28e7, 1.0 / 300.0, 4e14, 1.4e-4, "made up")
     # rad/s: a few roundings of 1e-4 and 1e-5
-    np.testing.assert_allclose(omega_ie_n(lat, other), 2.0 * omega_ie_n(lat, base), rtol=0.0, atol=1e-19)
+    np.testing.assert_allclose(
+        omega_ie_n(lat, other), 2.0 * omega_ie_n(lat, base), rtol=0.0, atol=1e-19
+    )
     np.testing.assert_allclose(
         omega_en_n(lat, 0.0, v, other), 0.5 * omega_en_n(lat, 0.0, v, base), rtol=0.0, atol=1e-20
     )

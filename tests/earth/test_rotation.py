@@ -238,9 +238,9 @@ def test_a_quaternion_of_another_length_is_scaled() -> None:
         np.testing.assert_allclose(
             dcm_from_quat(scale * Q_TRUTH), TRUTH.as_matrix(), rtol=0.0, atol=ROUNDING
         )
-        assert angle_between(quat_from_euler(*euler_from_quat(scale * Q_TRUTH).T), Q_TRUTH).max() < (
-            2.0 * ROUNDING
-        )
+        assert angle_between(
+            quat_from_euler(*euler_from_quat(scale * Q_TRUTH).T), Q_TRUTH
+        ).max() < (2.0 * ROUNDING)
 
 
 def test_products_follow_hamilton() -> None:

@@ -113,7 +113,7 @@ def test_every_number_of_the_solution_is_kept(written: Path, decoder: str) -> No
     # beyond the date line a turn is subtracted: another 2 ulp of up to 229 deg
     np.testing.assert_allclose(found["longitude_deg"], lon_deg / DEG, rtol=0, atol=1e-13)
     assert np.all(np.abs(found["longitude_deg"]) <= 180.0)
-    # Euler angles of a quaternion rounded to 1.1e-16, at up to 80 deg of pitch (1/cos = 6): 1e-13 deg
+    # Euler angles of a quaternion rounded to 1.1e-16; 80 deg of pitch makes it six times as much
     np.testing.assert_allclose(found["roll_deg"], angles["roll"] / DEG, rtol=0, atol=2e-13)
     np.testing.assert_allclose(found["pitch_deg"], angles["pitch"] / DEG, rtol=0, atol=2e-13)
     heading_deg = np.mod(angles["heading"] / DEG, 360.0)
@@ -192,8 +192,8 @@ def test_fixes_come_at_10_hz_at_most(tmp_path: Path, rate_hz: float, jitter_s: f
     seconds = float(nav.t[-1] - nav.t[0])
     assert fix_ns[0] == solution(path)["stamp_ns"][0]
     assert len(fix_ns) - 1 <= 10.0 * seconds + 1e-6
-    # at 10 Hz with jitter a fix may be lost now and then, never every second one
-    assert len(fix_ns) >= 0.8 * min(rate_hz, 10.0) * seconds
+    # a sample that jitter puts into its neighbour's tenth of a second gives none: not every second
+    assert len(fix_ns) >= 0.7 * min(rate_hz, 10.0) * seconds
 
 
 def test_blocks_do_not_show_in_the_file(tmp_path: Path, written: Path) -> None:
