@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from mcap_ros2.reader import read_ros2_messages
+from mcap.reader import make_reader
+from mcap_ros2.decoder import DecoderFactory
 from numpy.typing import NDArray
 
 from tests.oracles.constants import EQUATORIAL_RADIUS
@@ -33,8 +34,10 @@ class Comparison:
 def compare(solution: Path, truth: Path) -> Comparison:
     """Compare a solution of data/sample.mcap with data/sample_truth.csv where both have a row."""
     rows = []
-    for message in read_ros2_messages(str(solution), topics=["/navgrade/solution"]):
-        m = message.ros_msg
+    with solution.open("rb") as stream:
+        reader = make_reader(stream, decoder_factories=[DecoderFactory()])
+        messages = list(reader.iter_decoded_messages(topics=["/navgrade/solution"]))
+    for _, _, _, m in messages:
         t_ns = (m.header.stamp.sec - EPOCH_S) * 1_000_000_000 + m.header.stamp.nanosec
         rows.append(
             (t_ns, m.latitude_deg, m.longitude_deg, m.height_m)
