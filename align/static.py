@@ -23,6 +23,7 @@ MAX_HEADING_SIGMA = 15.0 * DEG  # beyond it gyros have not found north
 SUB_WINDOWS = 10
 _SIGNIFICANT = 3.0  # sigmas
 _DEGREES_IN_RADIAN = 1.0 / DEG
+_LATITUDE_OFF = 10.0 * DEG  # between implied and surveyed latitude: a mistake, not a bias
 _STEADY_TURN = 1.0 * DEG  # rad/s: with steady specific force, more than any gyro's bias
 
 
@@ -111,6 +112,11 @@ def check_units_at_rest(
     ------
     AlignmentError
     """
+    _check_force(f_ib_b)
+    _check_rate(omega_ib_b, f_ib_b, lat, ellipsoid)
+
+
+def _check_force(f_ib_b: Array) -> None:
     force = float(np.linalg.norm(f_ib_b))
     if force < 0.5:
         raise AlignmentError(
@@ -128,16 +134,28 @@ def check_units_at_rest(
             f"specific force at rest is {force:.4f} m/s², not 9.8: the body accelerates, or the "
             "unit or the kind (increments declared as rates?) is wrong"
         )
+
+
+def _check_rate(omega_ib_b: Array, f_ib_b: Array, lat: float, ellipsoid: Ellipsoid) -> None:
     rate = float(np.linalg.norm(omega_ib_b))
     turns = rate / ellipsoid.omega
-    implied = float(np.arcsin(np.clip(omega_ib_b @ f_ib_b / max(rate * force, 1e-300), -1.0, 1.0)))
+    implied = _implied_latitude(omega_ib_b, f_ib_b)
     is_earth_rate = abs(turns / _DEGREES_IN_RADIAN - 1.0) < 0.1 and abs(implied - lat) < 10.0 * DEG
-    if rate > _STEADY_TURN or is_earth_rate:
+    if is_earth_rate or rate > _STEADY_TURN:
+        otherwise = "" if is_earth_rate else ", unless the body turns about the vertical: not still"
         raise AlignmentError(
             f"the gyros read {rate:.5f} rad/s, {turns:.1f} times the Earth rate, while the "
-            "specific force stays put: they are in degrees; set imu.gyro_unit = "
-            '"deg/s" in the site file'
+            'specific force stays put: they are in degrees; set imu.gyro_unit = "deg/s" in the '
+            f"site file{otherwise}"
         )
+
+
+def _implied_latitude(omega_ib_b: Array, f_ib_b: Array) -> float:
+    """Angle of the rotation above the horizon, rad; the latitude for a body at rest."""
+    product = float(np.linalg.norm(omega_ib_b) * np.linalg.norm(f_ib_b))
+    if product == 0.0:
+        return 0.0
+    return float(np.arcsin(np.clip(omega_ib_b @ f_ib_b / product, -1.0, 1.0)))
 
 
 def align_static(
@@ -193,8 +211,10 @@ def align_static(
     omega = dt @ omega_ib_b / duration
     g = float(np.linalg.norm(normal_gravity_n(lat, h, ellipsoid)))
 
+    _check_force(f)
     stillness = assess(dt, omega_ib_b, f_ib_b)
-    check_units_at_rest(omega, f, lat, ellipsoid)
+    if stillness.force <= FORCE_LIMIT:
+        _check_rate(omega, f, lat, ellipsoid)
     if not stillness.is_still:
         raise AlignmentError(
             f"the alignment window is not still: one-second means scatter by "
@@ -221,13 +241,12 @@ def align_static(
     force_sigma, force_note = _total_sigma(errors.accel_bias, force_noise, abs(force_residual))
     tilt = tilt_sigma(force_sigma, g)
     azimuth = heading_sigma(rate_sigma, force_sigma, lat, g, ellipsoid)
-    implied = float(np.arcsin(np.clip(rate_up / np.linalg.norm(omega), -1.0, 1.0)))
+    implied = _implied_latitude(omega, f)
     if force_note:
         warnings.append(
             f"|f| differs from normal gravity by {force_residual * 1e3:+.3f} mm/s² {force_note}"
         )
     implied_off = implied - lat
-    implied_sigma = float(np.hypot(rate_sigma / ellipsoid.omega, tilt))
     if rate_note:
         warnings.append(
             f"the gyros miss the Earth rate by {residual_down / DEG_PER_H:+.3f} deg/h about down "
@@ -236,11 +255,20 @@ def align_static(
             "parts do not turn the heading, but an eastward error does and cannot be seen: of the "
             f"same size it would turn the heading by {azimuth / DEG:.2f}°"
         )
-    if abs(implied_off) > 10.0 * DEG and abs(implied_off) > _SIGNIFICANT * implied_sigma:
-        warnings.append(
-            f"the data imply latitude {implied / DEG:.1f}°, the site says {lat / DEG:.1f}°: check "
-            "site.latitude (hemisphere, latitude and longitude swapped) and imu.axes"
+    rate_residual = float(np.linalg.norm(omega)) - ellipsoid.omega
+    latitude_note = ""
+    if errors.gyro_bias is None:  # then a rate that fits the Earth's is no coincidence
+        limit = _LATITUDE_OFF if abs(rate_residual) < 0.05 * ellipsoid.omega else np.pi
+    else:
+        explained = float(np.hypot(rate_noise, errors.gyro_bias)) / ellipsoid.omega
+        limit = max(_LATITUDE_OFF, _SIGNIFICANT * explained)
+    if abs(implied_off) > limit:
+        latitude_note = (
+            f"the gyros feel the Earth turn, but as at latitude {implied / DEG:.1f}°, the site "
+            f"says {lat / DEG:.1f}°: check site.latitude (hemisphere, latitude and longitude "
+            "swapped) and imu.axes"
         )
+        warnings.append(latitude_note)
 
     q_gyro = None
     gyro_heading = float("nan")
@@ -249,30 +277,35 @@ def align_static(
         gyro_heading = float(euler_from_quat(q_gyro)[2])
     except AlignmentError:
         azimuth = np.pi
-    if known_heading is not None and (q_gyro is None or known_heading.sigma < azimuth):
-        method = "leveling+known-heading"
-        down_sigma = known_heading.sigma
-        q_nb = leveled_attitude(f, known_heading.heading)
-        off = float(np.angle(np.exp(1j * (gyro_heading - known_heading.heading))))
-        explained = float(np.hypot(azimuth, known_heading.sigma))
+    q_known = None
+    if known_heading is not None:
+        q_known = leveled_attitude(f, known_heading.heading)
+        pitch = float(euler_from_quat(q_known)[1])
+        by_tilt = tilt / max(abs(np.cos(pitch)), 1e-12)  # roll, and with it heading, at pitch 90°
+        explained = float(np.linalg.norm([azimuth, known_heading.sigma, by_tilt]))
+        off = 0.0 if q_gyro is None else float(_small_rotation(q_gyro, q_known)[2])
         if abs(off) > _SIGNIFICANT * explained:
             warnings.append(
                 f"the gyros point {off / DEG:+.2f}° from the given heading, more than the "
                 f"{explained / DEG:.2f}° sigma of the difference explains"
             )
+    if known_heading is not None and q_known is not None and known_heading.sigma < azimuth:
+        method, down_sigma, q_nb = "leveling+known-heading", known_heading.sigma, q_known
     elif q_gyro is not None and azimuth <= MAX_HEADING_SIGMA:
-        method = "triad"
-        down_sigma = azimuth
-        q_nb = q_gyro
+        method, down_sigma, q_nb = "triad", azimuth, q_gyro
     else:
         raise AlignmentError(
             f"the gyros cannot find north: heading would have a sigma of "
             f"{min(azimuth / DEG, 180.0):.0f}° (gyro error {rate_sigma / DEG_PER_H:.3g} deg/h "
             f"against a horizontal Earth rate of {ellipsoid.omega * np.cos(lat) / DEG_PER_H:.2f} "
             "deg/h); give site.heading_deg and site.heading_sigma_deg"
+            + (f"; {latitude_note}" if latitude_note else "")
         )
     euler = euler_from_quat(q_nb)
     sigmas = euler_sigmas(euler, tilt, down_sigma)
+    if method != "triad":  # the Euler angle itself is given; tilt moves the turn about down instead
+        sigmas = (sigmas[0], sigmas[1], down_sigma)
+        down_sigma = float(min(np.hypot(down_sigma, tilt * abs(np.tan(euler[1]))), np.pi))
     if dcm_from_quat(q_nb)[2, 2] < -0.5:
         warnings.append(
             f"the body hangs upside down (roll {euler[0] / DEG:.1f}°); if it does not, imu.axes "
@@ -283,17 +316,17 @@ def align_static(
         q_nb=q_nb,
         roll=float(euler[0]),
         pitch=float(euler[1]),
-        heading=float(euler[2] % (2.0 * np.pi)),
+        heading=_compass(float(euler[2])),
         roll_sigma=sigmas[0],
         pitch_sigma=sigmas[1],
         heading_sigma=sigmas[2],
         tilt_sigma=tilt,
         azimuth_sigma=down_sigma,
-        gyro_heading=gyro_heading % (2.0 * np.pi),
+        gyro_heading=_compass(gyro_heading),
         gyro_heading_sigma=azimuth,
         implied_latitude=implied,
         specific_force_residual=force_residual,
-        rate_residual=float(np.linalg.norm(omega)) - ellipsoid.omega,
+        rate_residual=rate_residual,
         rate_residual_down=residual_down,
         rate_residual_north=residual_north,
         scatter=_scatter(sub_f, sub_omega, q_nb, method != "triad"),
@@ -302,6 +335,12 @@ def align_static(
         duration=duration,
         warnings=tuple(warnings),
     )
+
+
+def _compass(heading: float) -> float:
+    """The same direction in [0, 2 pi)."""
+    wrapped = heading % (2.0 * np.pi)
+    return 0.0 if wrapped == 2.0 * np.pi else wrapped  # of a tiny negative angle
 
 
 def _noise(random_walk: float | None, sub_means: Array, duration: float) -> float:

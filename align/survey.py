@@ -8,9 +8,10 @@ from earth.units import DEG
 
 _NUMBER = r"\d+(?:\.\d*)?|\.\d+"
 _DMS = re.compile(
-    rf"^\s*(?P<lead>[NSEW])?\s*(?P<sign>[+-])?\s*(?P<d>{_NUMBER})\s*[°d:\s]?\s*"
-    rf"(?:(?P<m>{_NUMBER})\s*['′m:\s]?\s*(?:(?P<s>{_NUMBER})\s*(?:\"|″|''|s)?)?)?"
-    r"\s*(?P<trail>[NSEW])?\s*$",
+    rf"\s*(?P<lead>[NSEW])?\s*(?P<sign>[+-])?\s*(?P<d>{_NUMBER})\s*(?P<unit>°|d|(?=[:\sNSEW]|$))"
+    rf"(?:\s*:?\s*(?P<m>{_NUMBER})\s*(?:'|′|m|(?=[:\sNSEW]|$))"
+    rf"(?:\s*:?\s*(?P<s>{_NUMBER})\s*(?P<mark>\"|″|''|s)??)?)?"
+    r"\s*(?P<trail>[NSEW])?\s*",
     re.IGNORECASE,
 )
 
@@ -41,10 +42,13 @@ def parse_angle(value: float | int | str, positive: str, negative: str) -> float
         raise ValueError(f"{value!r} is not an angle")
     if not isinstance(value, str):
         return float(value) * DEG
-    match = _DMS.match(value)
+    match = _DMS.fullmatch(value)
     if match is None:
         raise ValueError(f"{value!r} is not an angle; write 51.07995 or 51 04 47.8327 {positive}")
-    letters = [x.upper() for x in (match["lead"], match["trail"]) if x]
+    trail = match["trail"]
+    if match["unit"] in ("d", "D") and match["s"] and not match["mark"] and trail in ("s", "S"):
+        trail = None  # 33d51m54.5s: the unit of the seconds, not the south
+    letters = [x.upper() for x in (match["lead"], trail) if x]
     if len(letters) > 1 or (letters and match["sign"]):
         raise ValueError(f"{value!r} gives its sign twice")
     if letters and letters[0] not in (positive, negative):

@@ -5,7 +5,7 @@ It knows no sensors and steps no time. Angles are radians, everything is SI.
 
 from earth.ellipsoid import GRS80, WGS84, Ellipsoid
 from earth.errors import NavgradeError
-from earth.frames import C_bs, C_en, C_ie
+from earth.frames import NED_TO_ENU, C_bs, C_en, C_ie
 from earth.geodetic import (
     ecef_to_geodetic,
     geodetic_to_ecef,
@@ -25,6 +25,7 @@ from earth.rotation import (
 
 __all__ = [
     "GRS80",
+    "NED_TO_ENU",
     "WGS84",
     "C_bs",
     "C_en",

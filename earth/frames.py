@@ -7,6 +7,7 @@ import re
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from earth._jit import formula
 from earth.ellipsoid import WGS84, Ellipsoid
 
 NED_TO_ENU = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
@@ -24,33 +25,43 @@ _BY_LETTER = {word[0].upper(): word for word in _DIRECTIONS}
 _ASSIGNMENT = re.compile(r"([xyz])\s*=\s*([+-]?)\s*([a-z]+)", re.IGNORECASE)
 
 
+@formula
+def ned_to_ecef(lat, lon):
+    """Return the nine elements of C_en, row by row."""
+    sin_lat, cos_lat, sin_lon, cos_lon = np.sin(lat), np.cos(lat), np.sin(lon), np.cos(lon)
+    return (
+        -sin_lat * cos_lon,
+        -sin_lon,
+        -cos_lat * cos_lon,
+        -sin_lat * sin_lon,
+        cos_lon,
+        -cos_lat * sin_lon,
+        cos_lat,
+        0.0,
+        -sin_lat,
+    )
+
+
+@formula
+def ecef_to_inertial(angle):
+    """Return the nine elements of C_ie, row by row, for a rotation angle of the Earth, rad."""
+    sin, cos = np.sin(angle), np.cos(angle)
+    return cos, -sin, 0.0, sin, cos, 0.0, 0.0, 0.0, 1.0
+
+
+def _matrices(elements: tuple[ArrayLike, ...]) -> NDArray[np.float64]:
+    rows = np.stack(np.broadcast_arrays(*elements), axis=-1)
+    return rows.reshape((*rows.shape[:-1], 3, 3))
+
+
 def C_en(lat: ArrayLike, lon: ArrayLike) -> NDArray[np.float64]:
     """Matrices (..., 3, 3) from NED at geodetic `lat`, `lon` (rad) to Earth-fixed axes."""
-    lat, lon = np.broadcast_arrays(np.asarray(lat, float), np.asarray(lon, float))
-    sin_lat, cos_lat, sin_lon, cos_lon = np.sin(lat), np.cos(lat), np.sin(lon), np.cos(lon)
-    zero = np.zeros_like(lat)
-    return np.stack(
-        [
-            np.stack([-sin_lat * cos_lon, -sin_lon, -cos_lat * cos_lon], axis=-1),
-            np.stack([-sin_lat * sin_lon, cos_lon, -cos_lat * sin_lon], axis=-1),
-            np.stack([cos_lat, zero, -sin_lat], axis=-1),
-        ],
-        axis=-2,
-    )
+    return _matrices(ned_to_ecef(np.asarray(lat, float), np.asarray(lon, float)))
 
 
 def C_ie(t: ArrayLike, ellipsoid: Ellipsoid = WGS84) -> NDArray[np.float64]:
     """Matrices (..., 3, 3) from Earth-fixed to inertial axes, which agree at `t` = 0 s."""
-    angle = ellipsoid.omega * np.asarray(t, float)
-    sin, cos, zero = np.sin(angle), np.cos(angle), np.zeros_like(angle)
-    return np.stack(
-        [
-            np.stack([cos, -sin, zero], axis=-1),
-            np.stack([sin, cos, zero], axis=-1),
-            np.stack([zero, zero, zero + 1.0], axis=-1),
-        ],
-        axis=-2,
-    )
+    return _matrices(ecef_to_inertial(ellipsoid.omega * np.asarray(t, float)))
 
 
 def C_bs(axes: str) -> NDArray[np.float64]:
@@ -60,7 +71,7 @@ def C_bs(axes: str) -> NDArray[np.float64]:
     ----------
     axes : str
         Where the sensor's x, y and z point: three letters of F, B, R, L, U, D such as ``"FLU"``,
-        or three assignments such as ``"x=-up y=right z=forward"``.
+        or three assignments such as ``"x=-up y=left z=forward"``.
 
     Returns
     -------
@@ -96,5 +107,5 @@ def C_bs(axes: str) -> NDArray[np.float64]:
 def _axes_help(axes: str, reason: str) -> str:
     return (
         f"axes {axes!r}: {reason}; name where x, y and z point, as three letters (FRD, FLU, RFU) "
-        'or as "x=-up y=right z=forward" with forward, right, down, back, left, up'
+        'or as "x=-up y=left z=forward" with forward, right, down, back, left, up'
     )

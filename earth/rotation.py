@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike, NDArray
 from earth._jit import formula, kernel
 
 _TINY = 1e-8  # rad^2: below it two terms
-_SMALL = 0.06  # rad^2: below it series; the first neglected terms are under 1e-17
+_SMALL = 0.03  # rad^2: below it series; the first neglected terms are under 1e-17
 
 
 @formula
@@ -278,6 +278,6 @@ def euler_from_quat(q_nb: ArrayLike) -> Rows:
     """Roll, pitch and heading (..., 3), rad, of ``q_nb`` (..., 4).
 
     Roll and heading are in [-pi, pi], pitch in [-pi/2, pi/2]. `quat_from_euler` gives the
-    attitude back to 1e-15 rad, pitch ±90° included (`tests/earth/test_rotation.py`).
+    attitude back to 2e-15 rad, pitch ±90° included (`tests/earth/test_rotation.py`).
     """
     return _by_rows(_quats_to_eulers, _unit("q_nb", q_nb), 3)

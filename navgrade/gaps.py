@@ -12,6 +12,7 @@ from navgrade.errors import GapError
 from navgrade.imu import (
     JITTER,
     MAX_MISSING,
+    NOMINAL_SAMPLES,
     ImuSamples,
     Status,
     concatenate,
@@ -78,17 +79,31 @@ def without_gaps(
     """
     last: ImuSamples | None = None
     nominal = 0.0
-    for block in blocks:
-        if not len(block):
-            continue
+    for block in _enough_to_judge(blocks):
         if last is None:
             nominal = nominal_interval(block.dt)
         holes = _holes(last, block)
         if np.abs(holes).max() > JITTER * nominal:
-            yield _mended(last, block, holes, nominal, bridge, gaps)
-        else:
-            yield block
+            block = _mended(last, block, holes, nominal, bridge, gaps)
+        yield block
         last = block[len(block) - 1 :]
+
+
+def _enough_to_judge(blocks: Iterable[ImuSamples]) -> Iterator[ImuSamples]:
+    """Join the first blocks until the nominal interval does not depend on where they end."""
+    head: list[ImuSamples] | None = []
+    for block in blocks:
+        if not len(block):
+            continue
+        if head is None:
+            yield block
+            continue
+        head.append(block)
+        if sum(map(len, head)) >= NOMINAL_SAMPLES:
+            yield concatenate(head)
+            head = None
+    if head:
+        yield concatenate(head)
 
 
 def _holes(last: ImuSamples | None, block: ImuSamples) -> NDArray[np.float64]:

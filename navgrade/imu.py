@@ -21,7 +21,7 @@ KIND_HELP = (
 
 JITTER = 0.5  # nominal intervals: a hole shorter than this is jitter of the stamps
 MAX_MISSING = 2.25  # nominal intervals: stamps further apart than three, plus jitter, leave a gap
-_NOMINAL_SAMPLES = 1000
+NOMINAL_SAMPLES = 1000  # the first ones, whose median is the nominal interval
 
 
 class Status(IntFlag):
@@ -52,17 +52,17 @@ def _column(name: str, values: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.
 
 def nominal_interval(steps: NDArray[np.float64]) -> float:
     """Median of the first thousand intervals, s."""
-    return float(np.median(steps[:_NOMINAL_SAMPLES]))
+    return float(np.median(steps[:NOMINAL_SAMPLES]))
 
 
 def intervals(t: NDArray[np.float64], last: float | None, nominal: float) -> NDArray[np.float64]:
     """Interval lengths, s, of samples known by their stamps alone.
 
-    Each reaches back to the previous stamp (`last` for the first one), but across a gap, and
-    where there is no previous stamp, only as far as a nominal interval.
+    Each reaches back to the previous stamp (`last` for the first one), but where samples are
+    missing, and where there is no previous stamp, only as far as a nominal interval.
     """
     steps = np.diff(t, prepend=t[0] - nominal if last is None else last)
-    return np.where(steps > (1.0 + MAX_MISSING) * nominal, nominal, steps)
+    return np.where(steps > (1.0 + JITTER) * nominal, nominal, steps)
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,8 +80,9 @@ class ImuSamples:
     kind : {"rate", "average", "increment", "compensated"}
         What the numbers are; nothing guesses it.
     dt : array_like, shape (n,), optional
-        Length of each interval, s. By default the step from the previous stamp; across a gap, and
-        for the first sample, the median step.
+        Length of each interval, s. By default the step from the previous stamp; for the first
+        sample, and after a step of more than one and a half median ones (samples are missing),
+        the median step.
     epoch_ns : int
         Unix time of ``t = 0``, ns.
     status : array_like of int, shape (n,), optional
@@ -127,6 +128,8 @@ class ImuSamples:
         )
         if status.shape != (n,):
             raise ValueError(f"status must have shape {(n,)}, got {status.shape}")
+        status = status.view()
+        status.setflags(write=False)
         for name, value in (
             ("t", t),
             ("dt", dt),

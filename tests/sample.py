@@ -39,10 +39,8 @@ def compare(solution: Path, truth: Path) -> Comparison:
         messages = list(reader.iter_decoded_messages(topics=["/navgrade/solution"]))
     for _, _, _, m in messages:
         t_ns = (m.header.stamp.sec - EPOCH_S) * 1_000_000_000 + m.header.stamp.nanosec
-        rows.append(
-            (t_ns, m.latitude_deg, m.longitude_deg, m.height_m)
-            + (m.roll_deg, m.pitch_deg, m.heading_deg)
-        )
+        place = m.latitude_deg, m.longitude_deg, m.height_m
+        rows.append((t_ns, *place, m.roll_deg, m.pitch_deg, m.heading_deg))
     nav = np.array(rows)
     table = np.genfromtxt(truth, delimiter=",", skip_header=1)
     _, ours, theirs = np.intersect1d(

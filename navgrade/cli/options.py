@@ -28,7 +28,7 @@ _SOURCE = (
         help="What the samples are: rate (instantaneous), average (mean over the interval that "
         "ends at the stamp), increment, or compensated.",
     ),
-    click.option("--axes", help="Where x, y, z point: FRD, FLU, RFU or 'x=-up y=right z=forward'."),
+    click.option("--axes", help="Where x, y, z point: FRD, FLU, RFU or 'x=-up y=left z=forward'."),
     click.option("--strict", is_flag=True, help="Refuse a damaged log instead of using the rest."),
 )
 

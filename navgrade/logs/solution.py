@@ -160,7 +160,7 @@ class SolutionWriter(_McapOutput):
                 "v_down_m_s": nav.v_eb_n[rows, 2],
                 "roll_deg": roll,
                 "pitch_deg": pitch,
-                "heading_deg": heading % 360.0,
+                "heading_deg": np.where(heading < 0.0, heading + 360.0, heading) % 360.0,
                 "orientation.w": nav.q_nb[rows, 0],
                 "orientation.x": nav.q_nb[rows, 1],
                 "orientation.y": nav.q_nb[rows, 2],
