@@ -151,10 +151,13 @@ def _check_rate(omega_ib_b: Array, f_ib_b: Array, lat: float, ellipsoid: Ellipso
 
 
 def _implied_latitude(omega_ib_b: Array, f_ib_b: Array) -> float:
-    """Angle of the rotation above the horizon, rad; the latitude for a body at rest."""
+    """Angle of the rotation above the horizon, rad: the latitude of a body at rest.
+
+    Not a number where nothing turns.
+    """
     product = float(np.linalg.norm(omega_ib_b) * np.linalg.norm(f_ib_b))
     if product == 0.0:
-        return 0.0
+        return float("nan")
     return float(np.arcsin(np.clip(omega_ib_b @ f_ib_b / product, -1.0, 1.0)))
 
 
@@ -248,10 +251,15 @@ def align_static(
         )
     implied_off = implied - lat
     if rate_note:
+        implies = "the data imply no latitude"
+        if np.isfinite(implied):
+            implies = (
+                f"the data imply latitude {implied / DEG:.3f}°, {implied_off / DEG:+.3f}° from the "
+                "site's"
+            )
         warnings.append(
             f"the gyros miss the Earth rate by {residual_down / DEG_PER_H:+.3f} deg/h about down "
-            f"and {residual_north / DEG_PER_H:+.3f} deg/h along north {rate_note}; the data imply "
-            f"latitude {implied / DEG:.3f}°, {implied_off / DEG:+.3f}° from the site's. These "
+            f"and {residual_north / DEG_PER_H:+.3f} deg/h along north {rate_note}; {implies}. These "
             "parts do not turn the heading, but an eastward error does and cannot be seen: of the "
             f"same size it would turn the heading by {azimuth / DEG:.2f}°"
         )

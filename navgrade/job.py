@@ -209,7 +209,7 @@ def alignment_report(aligned: AlignedWindow) -> dict[str, Any]:
         "azimuth_sigma_deg": r.azimuth_sigma / DEG,
         "start_s": aligned.start,
         "duration_s": aligned.duration,
-        "implied_latitude_deg": r.implied_latitude / DEG,
+        "implied_latitude_deg": finite(r.implied_latitude / DEG),
         "specific_force_residual_m_s2": r.specific_force_residual,
         "rate_residual_deg_h": r.rate_residual / DEG_PER_H,
         "rate_residual_down_deg_h": r.rate_residual_down / DEG_PER_H,

@@ -35,15 +35,15 @@ def command(log: Path) -> None:
         console.print("  ".join((*left, *right)), markup=False)
     for topic in report.topics:
         for line in _defects(topic):
-            console.print(f"[yellow]{topic.name}:[/yellow] {line}")
+            console.print(f"{topic.name}: {line}", style="yellow", markup=False)
     for issue in report.issues:
-        console.print(f"[yellow]file:[/yellow] {issue.text} (byte {issue.offset})")
+        console.print(f"file: {issue.text} (byte {issue.offset})", style="yellow", markup=False)
     for name, values in report.metadata.items():
-        console.print(f"\n[bold]metadata {name}[/bold]")
+        console.print(f"\nmetadata {name}", style="bold", markup=False)
         for key, value in values.items():
             console.print(f"  {key}: {value}", markup=False)
     for name, media_type, size in report.attachments:
-        console.print(f"\n[bold]attachment[/bold] {name}, {media_type}, {size} bytes")
+        console.print(f"\nattachment {name}, {media_type}, {size} bytes", markup=False)
 
 
 def _defects(topic: TopicAudit) -> list[str]:

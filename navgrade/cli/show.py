@@ -18,10 +18,17 @@ def row(name: str, text: str) -> None:
     console.print(f"{name:<22}{text}", markup=False)
 
 
+def warn(text: str) -> None:
+    """Print a warning."""
+    console.print(f"warning: {text}", style="yellow", markup=False)
+
+
 def show_source(log: ImuLog, *, axes_given: bool) -> None:
     """Say what is read, and how it is understood."""
     axes = log.axes if axes_given else f"{log.axes} (nobody said: the ROS default)"
-    console.print(f"{log.path}  {log.topic}  {log.schema.name}, kind {log.kind}, axes {axes}")
+    console.print(
+        f"{log.path}  {log.topic}  {log.schema.name}, kind {log.kind}, axes {axes}", markup=False
+    )
 
 
 def show_alignment(aligned: AlignedWindow) -> None:
@@ -51,7 +58,7 @@ def show_alignment(aligned: AlignedWindow) -> None:
     row("scatter of tenths", f"N {north:.4f}°  E {east:.4f}°  D {down:.4f}°")
     row("stillness, 1 s means", f"{r.force_scatter:.5f} m/s²  {r.rate_scatter / DEG:.5f} °/s")
     for warning in r.warnings:
-        console.print(f"[yellow]warning:[/yellow] {warning}")
+        warn(warning)
 
 
 def show_summary(summary: RunSummary) -> None:
@@ -80,4 +87,4 @@ def show_summary(summary: RunSummary) -> None:
     row("speed", f"{summary.samples / summary.seconds:,.0f} samples/s, {summary.seconds:.2f} s")
     row("written", str(summary.output))
     for issue in summary.issues:
-        console.print(f"[yellow]warning:[/yellow] {issue}")
+        warn(issue)

@@ -18,8 +18,11 @@ import lz4.frame
 import numpy as np
 import zstandard
 from mcap.data_stream import ReadDataStream
+from mcap.exceptions import McapError
 from mcap.opcode import Opcode
+from mcap.reader import make_reader
 from mcap.records import Attachment, Channel, Metadata, Schema
+from mcap.summary import Summary
 from numpy.typing import NDArray
 
 from navgrade.errors import LogError
@@ -100,6 +103,8 @@ class McapFile:
     attachments, metadata : list
         Likewise.
     issues : list of Issue
+    summary : Summary or None
+        The file's own index, where it can be read.
     """
 
     path: Path
@@ -109,16 +114,31 @@ class McapFile:
     attachments: list[Attachment] = field(default_factory=list)
     metadata: list[Metadata] = field(default_factory=list)
     issues: list[Issue] = field(default_factory=list)
+    summary: Summary | None = None
 
     def __post_init__(self) -> None:
         if not self.path.is_file():
-            raise LogError("no such file", file=str(self.path))
+            what = "is a folder" if self.path.is_dir() else "no such file"
+            raise LogError(what, file=str(self.path))
         with self.path.open("rb") as stream:
             magic = stream.read(len(MAGIC))
+            if magic == MAGIC:
+                stream.seek(0)
+                self._read_summary(stream)
         if magic != MAGIC:
             what = "the file is empty" if not magic else "this is not an MCAP file"
             hint = " (a ROS 1 bag)" if magic.startswith(b"#ROSBAG") else ""
             raise LogError(f"{what}{hint}", file=str(self.path))
+
+    def _read_summary(self, stream: BinaryIO) -> None:
+        """Channels and schemas from the summary: they outlive a chunk that held them."""
+        try:
+            self.summary = make_reader(stream).get_summary()
+        except Exception:  # a damaged tail makes the parser fail in any way; the data remain
+            return
+        if self.summary is not None:
+            self.channels.update(self.summary.channels)
+            self.schemas.update(self.summary.schemas)
 
     def schema_name(self, channel: Channel) -> str:
         """Name of a channel's schema, empty where it has none."""
@@ -157,9 +177,10 @@ class McapFile:
                         yield from self._gather(loose.getvalue(), choice, wanted, offset)
                         loose = io.BytesIO()
                 elif opcode == Opcode.DATA_END:
+                    self._check_data_end(offset, content)
                     break
                 else:
-                    self._note(opcode, content)
+                    self._note(opcode, content, offset)
                 if progress:
                     progress(stream.tell())
             if loose.tell():
@@ -171,6 +192,7 @@ class McapFile:
         self.issues.append(issue)
 
     def _records(self, stream: BinaryIO) -> Iterator[tuple[int, int, bytes]]:
+        self._data_crc = zlib.crc32(MAGIC)
         while True:
             offset = stream.tell()
             head = stream.read(_RECORD.size)
@@ -191,17 +213,29 @@ class McapFile:
                 self._defect(Issue(offset, lost, *span))
                 return
             yield opcode, offset, content
+            self._data_crc = zlib.crc32(content, zlib.crc32(head, self._data_crc))
 
-    def _note(self, opcode: int, content: bytes) -> None:
+    def _check_data_end(self, offset: int, content: bytes) -> None:
+        crc = int.from_bytes(content[:4], "little")
+        if crc and crc != self._data_crc and not self.issues:
+            self._defect(Issue(offset, "the checksum of the data does not match: a value is wrong"))
+
+    def _note(self, opcode: int, content: bytes, offset: int) -> None:
         if opcode not in (Opcode.SCHEMA, Opcode.CHANNEL, Opcode.ATTACHMENT, Opcode.METADATA):
             return
-        stream = ReadDataStream(io.BytesIO(content))
+        try:
+            self._keep(opcode, ReadDataStream(io.BytesIO(content)))
+        except (ValueError, struct.error, McapError, MemoryError) as error:
+            name = Opcode(opcode).name.lower()
+            self._defect(Issue(offset, f"a damaged {name} record was left out: {error}"))
+
+    def _keep(self, opcode: int, stream: ReadDataStream) -> None:
         if opcode == Opcode.SCHEMA:
             schema = Schema.read(stream)
-            self.schemas[schema.id] = schema
+            self.schemas.setdefault(schema.id, schema)
         elif opcode == Opcode.CHANNEL:
             channel = Channel.read(stream)
-            self.channels[channel.id] = channel
+            self.channels.setdefault(channel.id, channel)
         elif opcode == Opcode.ATTACHMENT:
             self.attachments.append(Attachment.read(stream))
         else:
@@ -253,7 +287,7 @@ class McapFile:
                     offsets.append(at + _MESSAGE.size)
                     sizes.append(length - _MESSAGE.size)
             else:
-                self._note(opcode, records[at : at + length])
+                self._note(opcode, records[at : at + length], file_offset)
             at += length
         view = memoryview(records)
         for channel, (times, offsets, sizes) in found.items():

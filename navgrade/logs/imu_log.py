@@ -82,14 +82,15 @@ class ImuLog:
         yield from assembler.blocks(raw)
 
     def _columns(self, file: McapFile, run: RawMessages) -> _Columns:
-        channel = file.channels[run.channel]
-        definition = file.schemas[channel.schema_id]
+        try:
+            return self._decoded(file, run)
+        except (SchemaError, UnicodeDecodeError) as error:
+            raise SchemaError(str(error), file=str(self.path), topic=self.topic) from None
+
+    def _decoded(self, file: McapFile, run: RawMessages) -> _Columns:
+        definition = file.schemas[file.channels[run.channel].schema_id]
         if definition.encoding != "ros2msg":
-            raise SchemaError(
-                f"schema encoding {definition.encoding!r} is not read, only ros2msg",
-                file=str(self.path),
-                topic=self.topic,
-            )
+            raise SchemaError(f"schema encoding {definition.encoding!r} is not read, only ros2msg")
         fields = parse_ros2msg(definition.name, definition.data.decode())
         count = len(run.sizes)
         out = _Columns(
@@ -101,11 +102,7 @@ class ImuLog:
             needed.add(self.schema.interval)
         if not needed <= paths:
             missing = ", ".join(sorted(needed - paths))
-            raise SchemaError(
-                f"the log's own {definition.name} has no {missing}",
-                file=str(self.path),
-                topic=self.topic,
-            )
+            raise SchemaError(f"the log's own {definition.name} has no {missing}")
         for rows, messages in run.by_size():
             for part, records in decode(fields, messages):
                 at = rows[part]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
+from contextlib import suppress
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -76,6 +77,8 @@ class _McapOutput:
 
     def __init__(self, path: str | Path, *, overwrite: bool) -> None:
         self.path = Path(path)
+        if self.path.is_dir():
+            raise ConfigError(f"the output {self.path} is a folder")
         if self.path.exists() and not overwrite:
             raise ConfigError(f"{self.path} exists; choose another name or pass --overwrite")
         if not self.path.parent.is_dir():
@@ -96,14 +99,16 @@ class _McapOutput:
         error: BaseException | None,
         trace: TracebackType | None,
     ) -> None:
-        if kind is None:
-            self._writer.finish()
-            self._stream.flush()
-            os.fsync(self._stream.fileno())
-            self._stream.close()
-            self._part.replace(self.path)
-        else:
-            self._stream.close()
+        try:
+            if kind is None:
+                self._writer.finish()
+                self._stream.flush()
+                os.fsync(self._stream.fileno())
+                self._stream.close()
+                self._part.replace(self.path)
+        finally:  # the part is gone unless it became the output
+            with suppress(OSError):
+                self._stream.close()
             self._part.unlink(missing_ok=True)
 
     def metadata(self, name: str, values: Mapping[str, str]) -> None:

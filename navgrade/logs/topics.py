@@ -2,12 +2,8 @@
 
 from __future__ import annotations
 
-import struct
 from dataclasses import dataclass
 from pathlib import Path
-
-from mcap.exceptions import McapError
-from mcap.reader import make_reader
 
 from navgrade.errors import LogError, SchemaError
 from navgrade.logs.container import McapFile
@@ -44,13 +40,8 @@ def list_topics(path: Path) -> list[Topic]:
     file = McapFile(path)
     counts: dict[int, int] = {}
     span_ns = 0
-    try:
-        with path.open("rb") as stream:
-            summary = make_reader(stream).get_summary()
-    except (McapError, struct.error, ValueError, OSError, RuntimeError):
-        summary = None
+    summary = file.summary
     if summary is not None and summary.statistics is not None and summary.channels:
-        file.channels, file.schemas = summary.channels, summary.schemas
         counts = dict(summary.statistics.channel_message_counts)
         span_ns = summary.statistics.message_end_time - summary.statistics.message_start_time
     else:
