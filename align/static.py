@@ -259,9 +259,9 @@ def align_static(
             )
         warnings.append(
             f"the gyros miss the Earth rate by {residual_down / DEG_PER_H:+.3f} deg/h about down "
-            f"and {residual_north / DEG_PER_H:+.3f} deg/h along north {rate_note}; {implies}. These "
-            "parts do not turn the heading, but an eastward error does and cannot be seen: of the "
-            f"same size it would turn the heading by {azimuth / DEG:.2f}°"
+            f"and {residual_north / DEG_PER_H:+.3f} deg/h along north {rate_note}; {implies}. "
+            "These parts do not turn the heading, but an eastward error does and cannot be seen: "
+            f"of the same size it would turn the heading by {azimuth / DEG:.2f}°"
         )
     rate_residual = float(np.linalg.norm(omega)) - ellipsoid.omega
     latitude_note = ""

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from align import SensorErrors, align_static
+from align import KnownHeading, SensorErrors, align_static
 from align.accuracy import euler_sigmas, heading_sigma, tilt_sigma
 from earth import Ellipsoid
 from tests.align.at_rest import DEG, DEG_H, HALF, UG, Array, error_n, rotation, still
@@ -68,6 +68,32 @@ def test_noise_that_nobody_states_is_read_off_the_data(lat_deg: float) -> None:
         predicted.append((result.tilt_sigma, result.tilt_sigma, result.azimuth_sigma))
     scatter = np.sqrt(np.mean(np.square(found), axis=0))
     np.testing.assert_allclose(np.mean(predicted, axis=0), scatter, rtol=0.15)
+
+
+@pytest.mark.parametrize("pitch", [0.1, -0.6, 1.2])
+def test_predicted_sigmas_with_a_known_heading(pitch: float) -> None:
+    """Heading is as good as it was given, at every pitch: tilt does not reach it.
+
+    The turn about down is not: holding the Euler angle, a tilt across the nose turns the attitude
+    about down by tan(pitch) as much.
+    """
+    errors = SensorErrors(gyro_bias=1.0 * DEG_H, accel_bias=500.0 * UG, arw=ARW, vrw=VRW)
+    assert errors.accel_bias is not None
+    sigma = 5e-4  # rad, like the tilt
+    rng = np.random.default_rng(63)
+    window = still(45.0, rotation(0.3, pitch, 2.0))
+    turns, headings = [], []
+    for _ in range(RUNS):
+        felt = window.plus(accel=errors.accel_bias * rng.normal(size=3))
+        known = KnownHeading(2.0 + sigma * rng.normal(), sigma)
+        result = align_static(*felt.samples, errors=errors, known_heading=known)
+        turns.append(error_n(result.q_nb, window.attitude))
+        headings.append(result.heading - 2.0)
+    scatter = np.sqrt(np.mean(np.square(turns), axis=0))
+    # Relative, as above.
+    np.testing.assert_allclose(result.tilt_sigma, scatter[:2], rtol=0.15)
+    assert result.heading_sigma == pytest.approx(np.sqrt(np.mean(np.square(headings))), rel=0.15)
+    assert result.azimuth_sigma == pytest.approx(scatter[2], rel=0.15)
 
 
 @pytest.mark.parametrize("lat_deg", [-60.0, 0.0, 45.0, 70.0])

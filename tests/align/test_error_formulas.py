@@ -77,7 +77,7 @@ def test_accelerometers_and_a_known_heading(
     truth = expected_error(window, GYRO, ACCEL)
     # What is held is the Euler angle, so tilting about the level axis across the nose by e turns
     # the attitude about down by e tan(pitch).
-    roll, pitch, heading = euler
+    _, pitch, heading = euler
     across = np.cos(heading) * truth[0] + np.sin(heading) * truth[1]
     truth[2] = -np.tan(pitch) * across
     # Third order in the tilt of 1e-4 rad, enlarged where the nose is steep (86°).

@@ -70,9 +70,7 @@ def test_down_is_down_at_every_attitude(lat_deg: float) -> None:
         for heading in (0.0, -2.0):
             q = leveled_attitude(window.f_ib_b[0], heading)
             up = Rotation.from_quat(q, scalar_first=True).apply(window.f_ib_b[0]) / window.g
-            np.testing.assert_allclose(
-                up, [0.0, 0.0, -1.0], rtol=0.0, atol=TOL, err_msg=str(euler)
-            )
+            np.testing.assert_allclose(up, [0.0, 0.0, -1.0], rtol=0.0, atol=TOL, err_msg=str(euler))
 
 
 @EACH_LATITUDE
@@ -133,5 +131,5 @@ def test_leveling_signs_in_words() -> None:
 def test_two_vectors_that_fix_no_attitude_are_refused(
     f: tuple[float, float, float], omega: tuple[float, float, float]
 ) -> None:
-    with pytest.raises(AlignmentError, match="parallel.*give a heading"):
+    with pytest.raises(AlignmentError, match=r"parallel.*give a heading"):
         analytic_coarse(f, omega)

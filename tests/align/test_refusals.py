@@ -232,9 +232,7 @@ def test_at_a_pole_only_a_known_heading_helps(lat_deg: float) -> None:
     window = still(lat_deg, rotation(0.3, -0.1, 2.0))
     with pytest.raises(AlignmentError, match=TOO_WEAK):
         align_static(*window.samples, errors=NAVIGATION)
-    result = align_static(
-        *window.samples, errors=NAVIGATION, known_heading=KnownHeading(2.0, 0.01)
-    )
+    result = align_static(*window.samples, errors=NAVIGATION, known_heading=KnownHeading(2.0, 0.01))
     assert result.method == "leveling+known-heading"
     assert (result.roll, result.pitch) == pytest.approx((0.3, -0.1), rel=0.0, abs=1e-12)
 

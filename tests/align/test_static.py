@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from align import KnownHeading, SensorErrors, StaticAlignment, align_static
+from earth import GRS80, WGS84
 from tests.align.at_rest import DEG, DEG_H, UG, Window, error_n, rotation, still
 from tests.oracles.constants import OMEGA
 
@@ -80,6 +81,19 @@ def test_residuals_are_the_errors_that_show(lat_deg: float) -> None:
     assert result.implied_latitude == pytest.approx(seen, rel=0.0, abs=ROUNDING)
 
 
+def test_gravity_and_earth_rate_are_those_of_the_ellipsoid_given() -> None:
+    window = still(0.0, rotation(*EULER))
+    by_grs80 = align_static(*window.samples, errors=NAVIGATION, ellipsoid=GRS80)
+    # m/s^2 on the equator, both as published
+    assert by_grs80.specific_force_residual == pytest.approx(
+        9.7803253359 - 9.7803267715, rel=0.0, abs=1e-10
+    )
+    slower = replace(WGS84, omega=0.99 * OMEGA)
+    result = align_static(*window.samples, ellipsoid=slower)
+    assert result.rate_residual == pytest.approx(0.01 * OMEGA, rel=0.0, abs=1e-18)  # rad/s
+    assert result.rate_residual_north == pytest.approx(0.01 * OMEGA, rel=0.0, abs=1e-18)
+
+
 def test_residual_of_eastward_error_is_second_order() -> None:
     """It is the one that turns the heading, and it does not show."""
     window = still(45.0, rotation(*EULER))
@@ -107,7 +121,9 @@ def test_scatter_is_that_of_the_attitude_in_sub_windows(known: KnownHeading | No
         axis=0,
     )
     tilt = vrw / np.sqrt(20.0) / window.g
-    azimuth = np.hypot(arw / np.sqrt(20.0) / (OMEGA * np.cos(window.lat)), np.tan(window.lat) * tilt)
+    azimuth = np.hypot(
+        arw / np.sqrt(20.0) / (OMEGA * np.cos(window.lat)), np.tan(window.lat) * tilt
+    )
     if known is not None:  # heading held: a tilt across the nose turns about down by tan(pitch)
         azimuth = np.tan(EULER[1]) * tilt
     # Relative: 60 x 9 degrees of freedom know a sigma to 3 %; three of these.
@@ -125,7 +141,9 @@ def test_scatter_needs_two_sub_windows() -> None:
 def test_stillness_statistics_are_reported() -> None:
     window = still(45.0, rotation(*EULER), count=600, dt=0.1)
     wave = np.where((np.arange(600) // 10) % 2, 1.0, -1.0)[:, None] * [0.0, 0.6, 0.8]
-    result = align_static(*window.plus(gyro=2e-4 * wave, accel=0.01 * wave).samples, errors=NAVIGATION)
+    result = align_static(
+        *window.plus(gyro=2e-4 * wave, accel=0.01 * wave).samples, errors=NAVIGATION
+    )
     # One-second means of a square wave of two seconds, rounded like the force itself.
     assert result.force_scatter == pytest.approx(0.01, rel=1e-9)  # m/s^2
     assert result.rate_scatter == pytest.approx(2e-4, rel=1e-9)  # rad/s

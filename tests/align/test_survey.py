@@ -84,9 +84,7 @@ def test_every_spelling_of_a_southern_latitude(text: str) -> None:
         ("12 59 59.9999", LAT, 12.0 + 59.0 / 60.0 + 59.9999 / 3600.0),
     ],
 )
-def test_other_spellings(
-    value: float | str, letters: tuple[str, str], degrees: float
-) -> None:
+def test_other_spellings(value: float | str, letters: tuple[str, str], degrees: float) -> None:
     assert parse_angle(value, *letters) == pytest.approx(degrees * DEG, rel=0.0, abs=TOL)
 
 

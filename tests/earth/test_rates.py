@@ -85,7 +85,7 @@ def test_earth_rate_is_the_polar_axis_seen_from_the_place(
 
 
 def test_signs_in_words() -> None:
-    """The Earth turns eastward; a traveller north pitches the axes, one east turns with the Earth."""
+    """The Earth turns eastward; so do the axes of who travels east, and north is minus east."""
     assert omega_ie_n(40.0 * DEG)[0] > 0.0 > omega_ie_n(40.0 * DEG)[2]
     assert omega_ie_n(-40.0 * DEG)[2] > 0.0
     north, east = omega_en_n(-40.0 * DEG, 0.0, np.diag([10.0, 10.0, 10.0]))[:2]

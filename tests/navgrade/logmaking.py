@@ -270,17 +270,17 @@ def chunks_of(path: Path) -> list[Record]:
     return [record for record in records_of(path) if record.opcode == CHUNK]
 
 
-def flip_bit(path: Path, at: int) -> None:
-    """Damage one byte of the file in place."""
+def invert(path: Path, at: int, count: int = 1) -> None:
+    """Damage bytes of the file in place."""
     data = bytearray(path.read_bytes())
-    data[at] ^= 0x10
+    data[at : at + count] = bytes(byte ^ 0xFF for byte in data[at : at + count])
     path.write_bytes(data)
 
 
 def damage_chunk(path: Path, number: int) -> None:
-    """Flip a bit in the middle of a chunk's stored records."""
+    """Damage eight bytes in the middle of a chunk's stored records."""
     chunk = chunks_of(path)[number]
-    flip_bit(path, chunk.start + chunk.length * 2 // 3)
+    invert(path, chunk.start + chunk.length // 2, 8)
 
 
 def stamps(count: int, rate_hz: float = 100.0, *, jitter_s: float = 0.0, seed: int = 1) -> Stamps:

@@ -107,6 +107,21 @@ def test_a_known_heading_is_used_where_gyros_are_weak(bench: Bench) -> None:
     assert found["heading_sigma_deg"] == pytest.approx(2.0, rel=1e-2)
 
 
+def test_gyros_that_read_nothing_leave_the_report_json(bench: Bench) -> None:
+    """A latitude cannot follow from no rotation; JSON has no word for not-a-number but null."""
+    site = SITE.replace("[site]\n", "[site]\nheading_deg = 70.0\n")
+    bench.write(imu_channel(resting(20.0, 50.0).scaled(gyro=0.0)), site=site)
+    outcome = navgrade("align", bench.log, "-c", bench.site, "--json")
+    assert outcome.code == 0
+
+    def refuse(word: str) -> None:
+        raise AssertionError(f"{word} is not JSON")
+
+    found = json.loads(outcome.out, parse_constant=refuse)
+    assert found["implied_latitude_deg"] is None
+    assert not [warning for warning in found["warnings"] if "nan" in warning]
+
+
 def test_the_report_for_people_holds_the_same_numbers(bench: Bench) -> None:
     bench.write(imu_channel(resting(20.0, 50.0)), site=SITE)
     outcome = navgrade("align", bench.log, "-c", bench.site)

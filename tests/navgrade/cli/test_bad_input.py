@@ -22,8 +22,8 @@ from tests.navgrade.logmaking import (
     Recording,
     chunks_of,
     damage_chunk,
-    flip_bit,
     imu_channel,
+    invert,
     random_recording,
     records_of,
     resting,
@@ -205,7 +205,7 @@ def test_damage_without_chunks_is_noticed(bench: Bench) -> None:
     """An unchunked log has one checksum, that of its data section."""
     bench.write(imu_channel(drive()), site=SITE, chunked=False)
     messages = [record for record in records_of(bench.log) if record.opcode == MESSAGE]
-    flip_bit(bench.log, messages[700].start + messages[700].length - 74)  # in linear_acceleration
+    invert(bench.log, messages[700].start + messages[700].length - 74)  # in linear_acceleration
     bench.refused("checksum", str(bench.log), options=("--strict",))
     assert "checksum" in bench.accepted().out
 
