@@ -36,7 +36,7 @@ def test_the_smaller_sigma_chooses_where_north_comes_from(lat_deg: float) -> Non
     by_survey = align_static(*window.samples, errors=NAVIGATION, known_heading=better)
     assert by_survey.method == "leveling+known-heading"
     assert by_survey.heading == pytest.approx(better.heading, rel=0.0, abs=ROUNDING)
-    assert by_survey.azimuth_sigma == better.sigma
+    assert by_survey.heading_sigma == better.sigma
     worse = KnownHeading(EULER[2] + 0.5 * sigma, 1.01 * sigma)
     by_gyros = align_static(*window.samples, errors=NAVIGATION, known_heading=worse)
     assert by_gyros.method == "triad"

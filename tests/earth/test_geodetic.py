@@ -25,7 +25,7 @@ DEG = np.pi / 180.0
 NEAR = 100_000.0  # m, heights for which the forward direction is promised
 R_EARTH = 6.38e6  # m
 TOL = 1e-8  # m, what the docstrings promise: five roundings of an Earth radius, 1.9e-9 m each
-TOL_RADIUS = 2e-9  # m, what the docstrings of the radii promise: two ulps of an Earth radius
+TOL_RADIUS = 3e-9  # m, what the docstrings of the radii promise: three ulps of an Earth radius
 
 # Both hemispheres, equator, mid-latitudes, and toward the poles as close as float64 goes.
 LATITUDES = np.concatenate(
@@ -170,7 +170,7 @@ def test_geodetic_against_the_ellipse(h: float) -> None:
             mp.norm(mp.matrix(exact.ecef(*map(float, place))) - mp.matrix(point.tolist()))
             for place, point in zip(found, r, strict=True)
         )
-    assert worst < TOL
+    assert worst < (TOL if h < 1e7 else 2 * TOL)  # what the docstring promises far out
 
 
 @pytest.mark.skipif(np.finfo(np.longdouble).nmant < 60, reason="needs an extended float type")

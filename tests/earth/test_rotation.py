@@ -28,7 +28,7 @@ from earth.rotation import (
 Array = NDArray[np.float64]
 HALF = 0.5 * np.pi
 ROUNDING = 2e-15  # rad or 1: ten roundings of a unit element, ours and SciPy's
-EULER_CLAIM = 1e-15  # rad, what the docstring of `euler_from_quat` promises
+EULER_CLAIM = 2e-15  # rad, what the docstring of `euler_from_quat` promises
 
 
 def attitudes() -> Array:

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from navgrade.logs import open_imu
 from tests.navgrade.cli.calling import Bench, navgrade, one_sentence
 from tests.navgrade.logmaking import (
     EPOCH_NS,
@@ -29,6 +30,7 @@ from tests.navgrade.logmaking import (
     resting,
     started_site,
     text_channel,
+    write_log,
 )
 
 RATE = 50.0  # Hz
@@ -188,14 +190,18 @@ def test_a_damaged_chunk_becomes_a_gap(bench: Bench, compression: str) -> None:
 
 
 def test_a_damaged_first_chunk_costs_only_itself(bench: Bench) -> None:
-    """The first chunk also holds the channel and schema records; the summary repeats them."""
+    """The first chunk also holds the channel and schema records; the summary repeats them.
+
+    Seconds of the window then count from the first sample that is left.
+    """
     recording = drive(25.0)
-    bench.write(imu_channel(recording), site=SITE, chunk_bytes=30_000)
+    site = SITE.replace("duration_s = 10.0", "duration_s = 6.0")
+    bench.write(imu_channel(recording), site=site, chunk_bytes=30_000)
     first_left_ns = chunk_times(bench.log)[1][0]
     damage_chunk(bench.log, 0)
     assert "damaged chunk" in bench.accepted().out
     stamp_ns, _ = bench.stamps_and_status()
-    assert stamp_ns[0] >= first_left_ns + round(STILL * 1e9)
+    assert stamp_ns[0] >= first_left_ns + 6_000_000_000
     assert stamp_ns[-1] == recording.stamp_ns[-1]
     bench.out.unlink()
     bench.refused("damaged chunk", options=("--strict",))
@@ -358,17 +364,31 @@ def test_a_wrong_option_names_what_it_may_be(
 
 # ---- values and time ---------------------------------------------------------------------------
 
+MOVING = started_site(velocity=(1.0, 0.0, 0.0))
+SMALL_CHUNKS = 50_000  # bytes; blocks end where chunks do
 
-@pytest.mark.parametrize("index", [0, 40, 17_001])  # the last one stands in a later block
+
+@pytest.fixture(scope="module")
+def seam(tmp_path_factory: pytest.TempPathFactory) -> int:
+    """Index of the first sample of the reader's second block, in logs of 20,000 messages."""
+    path = tmp_path_factory.mktemp("seam") / "a.mcap"
+    write_log(path, imu_channel(random_recording(20_000, RATE)), chunk_bytes=SMALL_CHUNKS)
+    first = len(next(open_imu(path, kind="average").blocks()))
+    assert 1000 < first < 19_000
+    return first
+
+
+@pytest.mark.parametrize("place", ["first", "fortieth", "seam", "behind the seam"])
 @pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf])
 @pytest.mark.parametrize("column", ["gyro", "accel"])
 def test_a_value_that_is_not_finite_is_named_by_message_and_time(
-    bench: Bench, column: str, value: float, index: int
+    bench: Bench, seam: int, column: str, value: float, place: str
 ) -> None:
-    recording = random_recording(17_100, RATE) if index > 1000 else random_recording(100, RATE)
+    index = {"first": 0, "fortieth": 40, "seam": seam, "behind the seam": seam + 300}[place]
+    recording = random_recording(20_000 if index > 1000 else 100, RATE)
     getattr(recording, column)[index, 1] = value
     seconds = (int(recording.stamp_ns[index]) - EPOCH_NS) * 1e-9
-    bench.write(imu_channel(recording), site=started_site(velocity=(1.0, 0.0, 0.0)))
+    bench.write(imu_channel(recording), site=MOVING, chunk_bytes=SMALL_CHUNKS)
     bench.refused(
         {"gyro": "angular rate", "accel": "specific force"}[column],
         str(value),
@@ -393,15 +413,16 @@ def test_an_interval_that_is_none_is_named_by_message(
     bench.refused("interval", fact, "message 7,", "0.140000 s", options=("--kind", "increment"))
 
 
-@pytest.mark.parametrize("index", [1, 700, 16_384, 16_385])  # blocks are 16384 samples long
+@pytest.mark.parametrize("place", ["second", "inside", "seam", "behind the seam"])
 @pytest.mark.parametrize("back_ns", [0, 5_000_000])
 def test_time_that_repeats_or_runs_backwards_is_named(
-    bench: Bench, index: int, back_ns: int
+    bench: Bench, seam: int, place: str, back_ns: int
 ) -> None:
-    recording = random_recording(16_500 if index > 1000 else 1000, RATE)
+    index = {"second": 1, "inside": 700, "seam": seam, "behind the seam": seam + 1}[place]
+    recording = random_recording(20_000 if index > 1000 else 1000, RATE)
     before_ns = int(recording.stamp_ns[index - 1])
     recording = spliced(recording, {index: before_ns - back_ns})
-    bench.write(imu_channel(recording), site=started_site(velocity=(1.0, 0.0, 0.0)))
+    bench.write(imu_channel(recording), site=MOVING, chunk_bytes=SMALL_CHUNKS)
     bench.refused(
         "steps back by 0.005000 s" if back_ns else "repeats",
         f"message {index},",

@@ -13,6 +13,7 @@ import pytest
 from mcap.reader import make_reader
 
 import navgrade
+from navgrade.logs import open_imu
 from navgrade.site import read_site
 from tests.navgrade.cli.calling import Bench
 from tests.navgrade.cli.calling import navgrade as call
@@ -61,9 +62,9 @@ def test_the_file_holds_what_navigate_returns_to_the_bit(
 ) -> None:
     """The command streams in blocks, the function has all samples at once."""
     start_ns = EPOCH_NS + 2_002_000_000  # inside an interval
-    bench.write(
-        imu_channel(long_drive(kind)), site=started_site(start_ns, velocity=(3.0, 1.0, 0.0))
-    )
+    site = started_site(start_ns, velocity=(3.0, 1.0, 0.0))
+    bench.write(imu_channel(long_drive(kind)), site=site, chunk_bytes=50_000)
+    assert len(next(open_imu(bench.log, kind=kind).blocks())) < 19_000
     bench.accepted(
         "--kind", kind, "--reconstruction", reconstruction, "--vertical", vertical, "--bridge-gaps"
     )

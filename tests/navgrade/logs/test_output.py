@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import struct
 from pathlib import Path
@@ -168,6 +169,16 @@ def test_javascript_reads_the_same_bits(
         assert values == reference[path][rows].tolist(), path
 
 
+@pytest.mark.parametrize("decoder", DECODERS)
+def test_stamps_are_the_nearest_nanosecond(tmp_path: Path, decoder: str) -> None:
+    """Hundredths of a second are no doubles: 0.57 s lies just below, 0.07 s just above."""
+    nav, _ = a_trajectory(1000)
+    path = tmp_path / "nav.mcap"
+    navgrade.write_solution(path, dataclasses.replace(nav, t=np.arange(1000) / 100.0))
+    wanted = [EPOCH_NS + 10_000_000 * k for k in range(1000)]
+    assert solution(path, DECODERS[decoder])["stamp_ns"].tolist() == wanted
+
+
 # ---- fixes -------------------------------------------------------------------------------------
 
 
@@ -211,7 +222,7 @@ def test_blocks_do_not_show_in_the_file(tmp_path: Path, written: Path) -> None:
             assert whole[name].tobytes() == parts[name].tobytes(), name
 
 
-@pytest.mark.parametrize("rate_hz", [1.0, 7.0, 50.0, 1000.0])
+@pytest.mark.parametrize("rate_hz", [1.0, 7.0, 50.0, 100.0, 1000.0])
 def test_an_output_rate_thins_the_rows_evenly(tmp_path: Path, rate_hz: float) -> None:
     nav, _ = a_trajectory(1001, 100.0, jitter_s=0.0)
     path = tmp_path / "nav.mcap"

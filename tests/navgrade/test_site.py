@@ -1,0 +1,346 @@
+"""The site file: every key in its unit, every mistake named."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from navgrade.errors import ConfigError
+from navgrade.site import Site, parse_time_ns, read_site
+
+DEG = math.pi / 180.0  # rad
+FULL = """\
+[imu]
+topic = "/imu/data_raw"
+kind = "average"
+axes = "RFU"
+gyro_unit = "deg/s"
+accel_unit = "g"
+[imu.errors]
+gyro_bias_deg_h = 0.01
+accel_bias_ug = 50.0
+arw_deg_rth = 0.003
+vrw_ug_rthz = 10.0
+[site]
+latitude = "51 04 47.8327 N"
+longitude = -114.13371127
+height_m = 1118.5
+heading_deg = 201.0
+heading_sigma_deg = 2.5
+[alignment]
+start_s = 5.0
+duration_s = 300.0
+[mechanization]
+reconstruction = "causal-3"
+frame = "n"
+vertical = "free"
+"""
+INITIAL = """\
+[imu]
+kind = "average"
+[initial]
+time = "2026-01-01T00:00:00.500Z"
+latitude = 30.0
+longitude = 114.0
+height_m = 35.0
+velocity_ned_m_s = [1.0, -2.0, 3.0]
+roll_deg = 10.0
+pitch_deg = -20.0
+heading_deg = 250.0
+"""
+
+
+def site(tmp_path: Path, text: str) -> Site:
+    """Read a text as a site file."""
+    path = tmp_path / "site.toml"
+    path.write_text(text)
+    return read_site(path)
+
+
+def error(tmp_path: Path, text: str) -> ConfigError:
+    """The error a text gives; it names the file and is one line."""
+    path = tmp_path / "site.toml"
+    path.write_text(text)
+    with pytest.raises(ConfigError) as caught:
+        read_site(path)
+    assert caught.value.file == str(path)
+    assert str(caught.value).startswith(f"{path}: ")
+    assert "\n" not in str(caught.value)
+    return caught.value
+
+
+def changed(text: str, old: str, new: str) -> str:
+    """Replace what stands there exactly once."""
+    assert text.count(old) == 1
+    return text.replace(old, new)
+
+
+# ---- what is right -----------------------------------------------------------------------------
+
+
+def test_every_key_is_read_in_its_unit(tmp_path: Path) -> None:
+    found = site(tmp_path, FULL)
+    assert (found.topic, found.kind, found.axes) == ("/imu/data_raw", "average", "RFU")
+    assert (found.gyro_unit, found.accel_unit) == ("deg/s", "g")
+    assert (found.reconstruction, found.frame, found.vertical) == ("causal-3", "n", "free")
+    assert found.initial is None
+    # 1e-15: a few roundings
+    close = {"rel": 1e-15, "abs": 0.0}
+    assert found.errors.gyro_bias == pytest.approx(0.01 / 3600.0 * DEG, **close)
+    assert found.errors.accel_bias == pytest.approx(50e-6 * 9.80665, **close)
+    assert found.errors.arw == pytest.approx(0.003 / 60.0 * DEG, **close)
+    assert found.errors.vrw == pytest.approx(10e-6 * 9.80665, **close)
+    assert found.place is not None
+    assert found.place.lat == pytest.approx((51 + 4 / 60 + 47.8327 / 3600) * DEG, **close)
+    assert found.place.lon == pytest.approx(-114.13371127 * DEG, **close)
+    assert found.place.h == 1118.5
+    assert found.place.heading is not None
+    assert found.place.heading.heading == pytest.approx(201.0 * DEG, **close)
+    assert found.place.heading.sigma == pytest.approx(2.5 * DEG, **close)
+    assert found.window is not None
+    assert (found.window.start, found.window.duration) == (5.0, 300.0)
+    assert found.text == FULL.encode()
+
+
+def test_what_is_not_said_stays_open(tmp_path: Path) -> None:
+    found = site(tmp_path, "")
+    for name in ("topic", "kind", "axes", "gyro_unit", "accel_unit", "place", "window", "initial"):
+        assert getattr(found, name) is None
+    for name in ("gyro_bias", "accel_bias", "arw", "vrw"):
+        assert getattr(found.errors, name) is None
+
+
+def test_an_initial_state_is_read(tmp_path: Path) -> None:
+    found = site(tmp_path, INITIAL).initial
+    assert found is not None
+    assert found.time_ns == 1_767_225_600_500_000_000
+    state = found.state
+    assert state.lat == pytest.approx(30.0 * DEG, rel=1e-15)
+    assert state.lon == pytest.approx(114.0 * DEG, rel=1e-15)
+    assert state.h == 35.0
+    assert state.v_eb_n.tolist() == [1.0, -2.0, 3.0]
+    # forward axis in north-east-down, from the angles alone; rounding of a quaternion
+    w, x, y, z = state.q_nb
+    forward = [w * w + x * x - y * y - z * z, 2 * (x * y + w * z), 2 * (x * z - w * y)]
+    pitch, heading = -20.0 * DEG, 250.0 * DEG
+    wanted = [
+        math.cos(pitch) * math.cos(heading),
+        math.cos(pitch) * math.sin(heading),
+        -math.sin(pitch),
+    ]
+    np.testing.assert_allclose(forward, wanted, atol=1e-15)
+    down_of_right = 2 * (y * z + w * x)
+    assert down_of_right == pytest.approx(math.cos(pitch) * math.sin(10.0 * DEG), abs=1e-15)
+
+
+def test_velocity_may_be_left_out(tmp_path: Path) -> None:
+    text = changed(INITIAL, "velocity_ned_m_s = [1.0, -2.0, 3.0]\n", "")
+    found = site(tmp_path, text).initial
+    assert found is not None
+    assert found.state.v_eb_n.tolist() == [0.0, 0.0, 0.0]
+
+
+def test_heights_above_the_sea_need_the_geoid(tmp_path: Path) -> None:
+    text = changed(
+        FULL, "height_m = 1118.5", "orthometric_height_m = 1135.25\ngeoid_height_m = -16.5"
+    )
+    found = site(tmp_path, text).place
+    assert found is not None
+    assert found.h == 1118.75
+
+
+@pytest.mark.parametrize(
+    ("latitude", "degrees"),
+    [
+        ("-33.5", -33.5),
+        ("33", 33.0),
+        ('"33 30 00 S"', -33.5),
+        ('"33°30\'36.0\\"N"', 33.51),
+        ('"S 33 30 36"', -33.51),
+        ('"33:30:36 n"', 33.51),
+        ('"-33 30.6"', -33.51),
+        ('"-0 30 0"', -0.5),
+        ('"0 0 0.36 S"', -0.0001),
+    ],
+)
+def test_angles_in_many_spellings(tmp_path: Path, latitude: str, degrees: float) -> None:
+    found = site(tmp_path, changed(FULL, '"51 04 47.8327 N"', latitude)).place
+    assert found is not None
+    assert found.lat == pytest.approx(degrees * DEG, rel=1e-14)  # rounding, 1 nm on the ground
+
+
+TIMES = {
+    "2026-01-01T00:00:00.500Z": 1_767_225_600_500_000_000,
+    "2026-01-01T00:00:00Z": 1_767_225_600_000_000_000,
+    "2026-01-01 00:00:00": 1_767_225_600_000_000_000,  # UTC unless said
+    "2026-01-01T00:00:00.123456789Z": 1_767_225_600_123_456_789,
+    "2026-01-01T00:00:00.1+00:00": 1_767_225_600_100_000_000,
+    "2026-01-01T01:30:00.25+01:30": 1_767_225_600_250_000_000,
+    "2025-12-31T16:00:00-08:00": 1_767_225_600_000_000_000,
+    "1970-01-01T00:00:00.000000001Z": 1,
+    "1969-12-31T23:59:59.999999999Z": -1,
+    "2000-02-29T12:00:00Z": 951_825_600_000_000_000,
+}
+
+
+@pytest.mark.parametrize("text", TIMES)
+def test_times_are_exact_to_the_nanosecond(text: str) -> None:
+    assert parse_time_ns(text) == TIMES[text]
+
+
+@pytest.mark.parametrize(
+    ("value", "time_ns"),
+    [
+        ("time = 2026-01-01T00:00:00.500Z", 1_767_225_600_500_000_000),  # a TOML date-time
+        ("time = 2026-01-01T00:00:00.123456", 1_767_225_600_123_456_000),
+        ("time = 2026-01-01T01:00:00+01:00", 1_767_225_600_000_000_000),
+        ("time_ns = 1767225600500000001", 1_767_225_600_500_000_001),
+    ],
+)
+def test_times_may_be_toml_or_nanoseconds(tmp_path: Path, value: str, time_ns: int) -> None:
+    text = changed(INITIAL, 'time = "2026-01-01T00:00:00.500Z"', value)
+    found = site(tmp_path, text).initial
+    assert found is not None
+    assert found.time_ns == time_ns
+
+
+# ---- what is wrong -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("text", "old", "new", "key", "nearest"),
+    [
+        (FULL, "[site]", "[sites]", "sites", "site"),
+        (FULL, "[alignment]", "[alignement]", "alignement", "alignment"),
+        (FULL, "topic", "topics", "imu.topics", "topic"),
+        (FULL, "kind", "Kind", "imu.Kind", "kind"),
+        (FULL, "axes", "axis", "imu.axis", "axes"),
+        (FULL, "[imu.errors]", "[imu.error]", "imu.error", "errors"),
+        (FULL, "gyro_bias_deg_h", "gyro_bias_deg_s", "imu.errors.gyro_bias_deg_s",
+         "gyro_bias_deg_h"),
+        (FULL, "accel_bias_ug", "accel_bias_mg", "imu.errors.accel_bias_mg", "accel_bias_ug"),
+        (FULL, "latitude", "lattitude", "site.lattitude", "latitude"),
+        (FULL, "heading_sigma_deg", "heading_sigma", "site.heading_sigma", "heading_sigma_deg"),
+        (FULL, "duration_s", "duration", "alignment.duration", "duration_s"),
+        (FULL, "reconstruction", "reconstuction", "mechanization.reconstuction", "reconstruction"),
+        (INITIAL, "velocity_ned_m_s", "velocity", "initial.velocity", "velocity_ned_m_s"),
+        (INITIAL, "roll_deg", "roll", "initial.roll", "roll_deg"),
+    ],
+)  # fmt: skip
+def test_an_unknown_key_names_the_nearest(
+    tmp_path: Path, text: str, old: str, new: str, key: str, nearest: str
+) -> None:
+    caught = error(tmp_path, changed(text, old, new))
+    assert caught.key == key
+    assert f"{key}: unknown key" in str(caught)
+    assert str(caught).endswith(f"the nearest allowed key is {nearest}")
+
+
+WRONG = [  # text, old, new, key, facts
+    (FULL, '"/imu/data_raw"', "7", "imu.topic", "must be text, got 7"),
+    (FULL, '"average"', '["average"]', "imu.kind", "must be text"),
+    (FULL, '"causal-3"', "3", "mechanization.reconstruction", "must be text, got 3"),
+    (FULL, "0.01", '"0.01"', "imu.errors.gyro_bias_deg_h", "must be a number, got '0.01'"),
+    (FULL, "0.01", "true", "imu.errors.gyro_bias_deg_h", "must be a number, got True"),
+    (FULL, "0.01", "-0.01", "imu.errors.gyro_bias_deg_h", "at least 0, got -0.01"),
+    (FULL, "0.01", "nan", "imu.errors.gyro_bias_deg_h", "finite"),
+    (FULL, "0.003", "inf", "imu.errors.arw_deg_rth", "finite"),
+    (FULL, "1118.5", "[1118.5]", "site.height_m", "must be a number"),
+    (FULL, "1118.5", "inf", "site.height_m", "finite"),
+    (FULL, "height_m = 1118.5\n", "", "site.height_m", "required (above the ellipsoid)"),
+    (FULL, "height_m = 1118.5", "orthometric_height_m = 1135.0", "site.orthometric_height_m",
+     "geoid_height_m"),
+    (FULL, "height_m = 1118.5", "height_m = 1.0\northometric_height_m = 2.0", "site.height_m",
+     "not both"),
+    (FULL, '"51 04 47.8327 N"', '"51 04 47.8327 E"', "site.latitude", "expected N or S"),
+    (FULL, '"51 04 47.8327 N"', '"-51 04 47 N"', "site.latitude", "sign twice"),
+    (FULL, '"51 04 47.8327 N"', '"51 64 00 N"', "site.latitude", "60 or more"),
+    (FULL, '"51 04 47.8327 N"', '"north"', "site.latitude", "is not an angle"),
+    (FULL, '"51 04 47.8327 N"', "true", "site.latitude", "is not an angle"),
+    (FULL, '"51 04 47.8327 N"', "91.0", "site.latitude", "within ±90 degrees, got 91.0"),
+    (FULL, '"51 04 47.8327 N"', "nan", "site.latitude", "within ±90 degrees"),
+    (FULL, 'latitude = "51 04 47.8327 N"\n', "", "site.latitude", "required"),
+    (FULL, "longitude = -114.13371127\n", "", "site.longitude", "required"),
+    (FULL, "-114.13371127", "-374.0", "site.longitude", "within ±360 degrees"),
+    (FULL, "heading_deg = 201.0\n", "", "site.heading_sigma_deg", "no heading_deg"),
+    (FULL, "2.5", "-2.5", "site.heading_sigma_deg", "at least 0"),
+    (FULL, "duration_s = 300.0\n", "", "alignment.duration_s", "required"),
+    (FULL, "300.0", "1.0", "alignment.duration_s", "at least 2, got 1.0"),
+    (FULL, "5.0\nd", "-5.0\nd", "alignment.start_s", "at least 0, got -5.0"),
+    (FULL, FULL[FULL.index("[site]") : FULL.index("[alignment]")], "", "site", "[site]"),
+    (INITIAL, 'time = "2026-01-01T00:00:00.500Z"\n', "", "initial.time", "one of them"),
+    (INITIAL, "latitude", "time_ns = 3\nlatitude", "initial.time", "one of them"),
+    (INITIAL, '"2026-01-01T00:00:00.500Z"', '"yesterday"', "initial.time", "'yesterday'"),
+    (INITIAL, '"2026-01-01T00:00:00.500Z"', '"2026-13-01T00:00:00Z"', "initial.time", "2026-13"),
+    (INITIAL, '"2026-01-01T00:00:00.500Z"', "2026-01-01", "initial.time", "without a time"),
+    (INITIAL, '"2026-01-01T00:00:00.500Z"', "5", "initial.time", "is not a time"),
+    (INITIAL, 'time = "2026-01-01T00:00:00.500Z"', "time_ns = 1.5", "initial.time_ns", "integer"),
+    (INITIAL, 'time = "2026-01-01T00:00:00.500Z"', "time_ns = true", "initial.time_ns", "integer"),
+    (INITIAL, "[1.0, -2.0, 3.0]", "[1.0, -2.0]", "initial.velocity_ned_m_s", "three finite"),
+    (INITIAL, "[1.0, -2.0, 3.0]", "[1.0, -2.0, nan]", "initial.velocity_ned_m_s", "three finite"),
+    (INITIAL, "[1.0, -2.0, 3.0]", '"still"', "initial.velocity_ned_m_s", "three finite"),
+    (INITIAL, "roll_deg = 10.0\n", "", "initial.roll_deg", "required"),
+    (INITIAL, "heading_deg = 250.0\n", "", "initial.heading_deg", "required"),
+    (INITIAL, "height_m = 35.0\n", "", "initial.height_m", "required"),
+    (INITIAL, "latitude = 30.0\n", "", "initial.latitude", "required"),
+    (INITIAL, "[initial]", "[alignment]\nduration_s = 3.0\n[initial]", "initial", "instead"),
+    (INITIAL, "[initial]", "[site]\nlatitude = 3.0\n[initial]", "initial", "instead"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("text", "old", "new", "key", "fact"), WRONG, ids=[f"{case[3]}: {case[4]}" for case in WRONG]
+)
+def test_a_wrong_value_names_its_key(
+    tmp_path: Path, text: str, old: str, new: str, key: str, fact: str
+) -> None:
+    caught = error(tmp_path, changed(text, old, new))
+    assert caught.key == key
+    assert f"{key}: " in str(caught)
+    assert fact in str(caught)
+
+
+@pytest.mark.parametrize("table", ["imu", "site", "alignment", "initial", "mechanization"])
+def test_a_table_that_is_a_value_is_told(tmp_path: Path, table: str) -> None:
+    caught = error(tmp_path, f"{table} = 3\n")
+    assert caught.key == table
+    assert f"{table} must be a table, [{table}]" in str(caught)
+
+
+def test_errors_that_are_a_value_are_told(tmp_path: Path) -> None:
+    caught = error(tmp_path, "[imu]\nerrors = 0.01\n")
+    assert caught.key == "imu.errors"
+
+
+@pytest.mark.parametrize(
+    ("content", "fact"),
+    [
+        (b"[site\nlatitude = 3", "line 1"),
+        (b"latitude == 3", "line 1"),
+        (b"[site]\nlatitude = 1\nlatitude = 2", "overwrite"),
+        (b"topic = \"\xff\xfe\"", "utf-8"),
+    ],
+)  # fmt: skip
+def test_a_file_that_is_not_toml_tells_where(tmp_path: Path, content: bytes, fact: str) -> None:
+    path = tmp_path / "site.toml"
+    path.write_bytes(content)
+    with pytest.raises(ConfigError, match="cannot be read") as caught:
+        read_site(path)
+    assert fact in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_missing_file_is_named(tmp_path: Path) -> None:
+    with pytest.raises(ConfigError, match=r"nowhere\.toml: no such site file"):
+        read_site(tmp_path / "nowhere.toml")
+
+
+def test_the_example_of_the_specification_is_accepted(tmp_path: Path) -> None:
+    """Site and alignment; and, apart from it, the known state."""
+    found: dict[str, Any] = {"site": site(tmp_path, FULL), "initial": site(tmp_path, INITIAL)}
+    assert found["site"].place is not None
+    assert found["initial"].initial is not None
