@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
@@ -20,7 +20,14 @@ from navgrade import reconstruction as body
 from navgrade.errors import ConfigError, GapError
 from navgrade.gaps import Gap
 from navgrade.imu import ImuSamples, Status, concatenate
-from navgrade.logs import PROVENANCE, ImuLog, SolutionWriter, open_imu, sha256
+from navgrade.logs import (
+    PROVENANCE,
+    ImuLog,
+    SolutionWriter,
+    check_output,
+    open_imu,
+    sha256,
+)
 from navgrade.navigation import check_choice, solve
 from navgrade.site import Initial, Place, Site, Window
 from navgrade.state import NavState, Trajectory
@@ -280,20 +287,15 @@ def run(
     choices = choices or Choices()
     path, output = Path(path), Path(output)
     began = time.perf_counter()
-    reconstruction = choices.reconstruction or site.reconstruction or body.DEFAULT
-    frame = choices.frame or site.frame or frames.DEFAULT
-    vertical = choices.vertical or site.vertical or "free"
-    try:
-        check_choice("reconstruction", reconstruction, body.RECONSTRUCTIONS)
-        check_choice("frame", frame, frames.MECHANIZATIONS)
-        check_choice("vertical", vertical, frames.VERTICAL)
-    except ValueError as error:
-        raise ConfigError(str(error), file=site.file) from None
+    reconstruction = _choose("reconstruction", choices, site, body.RECONSTRUCTIONS, body.DEFAULT)
+    frame = _choose("frame", choices, site, frames.MECHANIZATIONS, frames.DEFAULT)
+    vertical = _choose("vertical", choices, site, frames.VERTICAL, "free")
     if rate_hz is not None and not (np.isfinite(rate_hz) and rate_hz > 0.0):
         raise ConfigError(f"the output rate must be positive, got {rate_hz!r} Hz")
     log = open_log(path, site, choices)
     if output.exists() and output.samefile(path):
         raise ConfigError(f"the output {output} is the input log")
+    check_output(output, overwrite=overwrite)
     alignment = None
     if site.initial is not None:
         state = _initial_state(log, site.initial)
@@ -327,6 +329,18 @@ def run(
         out.metadata(PROVENANCE, _provenance(summary))
     summary.seconds = time.perf_counter() - began
     return summary
+
+
+def _choose(name: str, choices: Choices, site: Site, allowed: Iterable[str], default: str) -> str:
+    """The command line's choice, else the site file's, else the default; checked."""
+    given, filed = getattr(choices, name), getattr(site, name)
+    value: str = given or filed or default
+    try:
+        check_choice(name, value, allowed)
+    except ValueError as error:
+        file = None if given else site.file
+        raise ConfigError(str(error), file=file, key=f"mechanization.{name}") from None
+    return value
 
 
 def _count(summary: RunSummary, nav: Trajectory) -> None:

@@ -72,17 +72,22 @@ class _Channel:
             self._sequence += 1
 
 
+def check_output(path: Path, *, overwrite: bool) -> None:
+    """Raise ConfigError unless a file may appear at `path`."""
+    if path.is_dir():
+        raise ConfigError(f"the output {path} is a folder")
+    if path.exists() and not overwrite:
+        raise ConfigError(f"{path} exists; choose another name or pass --overwrite")
+    if not path.parent.is_dir():
+        raise ConfigError(f"the folder {path.parent} of the output does not exist")
+
+
 class _McapOutput:
     """An MCAP file that appears under its name only when it is complete."""
 
     def __init__(self, path: str | Path, *, overwrite: bool) -> None:
         self.path = Path(path)
-        if self.path.is_dir():
-            raise ConfigError(f"the output {self.path} is a folder")
-        if self.path.exists() and not overwrite:
-            raise ConfigError(f"{self.path} exists; choose another name or pass --overwrite")
-        if not self.path.parent.is_dir():
-            raise ConfigError(f"folder {self.path.parent} does not exist")
+        check_output(self.path, overwrite=overwrite)
         self._part = self.path.with_name(self.path.name + ".part")
         self._stream = self._part.open("wb")
         self._writer = Writer(

@@ -68,6 +68,22 @@ def test_noise_that_nobody_states_is_read_off_the_data(lat_deg: float) -> None:
         predicted.append((result.tilt_sigma, result.tilt_sigma, result.azimuth_sigma))
     scatter = np.sqrt(np.mean(np.square(found), axis=0))
     np.testing.assert_allclose(np.mean(predicted, axis=0), scatter, rtol=0.15)
+    # Ten sub-windows of three axes: 27 degrees of freedom, 14 % of uncertainty for one sensor.
+    spread = np.std(predicted, axis=0) / np.mean(predicted, axis=0)
+    assert np.all(spread < 0.18)
+
+
+@pytest.mark.parametrize("lat_deg", [-45.0, 0.0, 62.0])
+@pytest.mark.parametrize("seconds", [20.0, 100.0])
+def test_stated_noise_counts_where_the_data_show_less(lat_deg: float, seconds: float) -> None:
+    window = still(lat_deg, rotation(0.3, -0.1, 2.0), count=40, dt=seconds / 40.0)
+    result = align_static(*window.samples, errors=NOISE_ONLY)
+    tilt = VRW / np.sqrt(seconds) / window.g
+    by_gyro = ARW / np.sqrt(seconds) / (OMEGA * np.cos(window.lat))
+    # The closed forms, to the rounding of the gravity they divide by.
+    assert result.tilt_sigma == pytest.approx(tilt, rel=1e-12)
+    azimuth = np.hypot(by_gyro, np.tan(window.lat) * tilt)
+    assert result.azimuth_sigma == pytest.approx(azimuth, rel=1e-12)
 
 
 @pytest.mark.parametrize("pitch", [0.1, -0.6, 1.2])

@@ -251,6 +251,17 @@ def test_weak_gyros_do_not_accuse_the_site() -> None:
     assert not found_in(result, "site.latitude")
 
 
+def test_gyros_that_do_not_feel_the_earth_do_not_accuse_the_site() -> None:
+    """Nothing is stated, and 13 % too much rate: this is a bias, not another latitude."""
+    window = still(10.0, rotation(*EULER))
+    felt = window.plus_n(gyro=np.array([2.0, 0.0, 5.5]) * DEG_H)
+    given = KnownHeading(EULER[2], 1.0 * DEG)
+    result = align_static(*felt.samples, known_heading=given)
+    assert abs(result.implied_latitude - window.lat) > 15.0 * DEG
+    assert found_in(result, "no bias is stated")
+    assert not found_in(result, "site.latitude")
+
+
 @pytest.mark.parametrize("off_deg", [0.2, -3.0, 179.0])
 def test_gyros_that_contradict_a_better_heading_are_mentioned(off_deg: float) -> None:
     """0.01 deg/h at 45° is 0.054°: 0.2° is more than three sigma, 0.15° is not."""

@@ -22,7 +22,7 @@ def test_means_are_weighted_by_the_intervals() -> None:
 
 
 @pytest.mark.parametrize(
-    ("total", "span", "count"), [(10.0, 1.0, 10), (9.97, 1.0, 9), (0.5, 1.0, 1), (30.0, 3.0, 10)]
+    ("total", "span", "count"), [(10.0, 1.0, 10), (9.97, 1.0, 9), (0.5, 1.0, 1), (9.5, 2.0, 4)]
 )
 def test_the_rest_joins_the_last_span(total: float, span: float, count: int) -> None:
     steps = round(total / 0.01)

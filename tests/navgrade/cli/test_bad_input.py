@@ -462,12 +462,13 @@ def test_a_gap_longer_than_three_intervals_is_bridged_only_on_request(
     assert length == pytest.approx(missing / RATE, abs=1e-9)
 
 
-@pytest.mark.parametrize("kind", ["increment", "compensated"])
+@pytest.mark.parametrize("kind", ["rate", "average", "increment", "compensated"])
 @pytest.mark.parametrize("missing", [1, 2])
 def test_one_or_two_missing_samples_are_stretched_over_and_marked(
     bench: Bench, kind: str, missing: int
 ) -> None:
-    bench.write(imu_channel(increments().without(700, missing)), site=SITE)
+    recording = increments() if kind in ("increment", "compensated") else drive()
+    bench.write(imu_channel(recording.without(700, missing)), site=SITE)
     outcome = bench.accepted("--kind", kind)
     assert "stretched samples     1 " in outcome.out
     stamp_ns, status = bench.stamps_and_status()
