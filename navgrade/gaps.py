@@ -19,6 +19,8 @@ from navgrade.imu import (
     nominal_interval,
 )
 
+MAX_BRIDGE = 600.0  # s: beyond it a straight line between two rates says nothing
+
 
 @dataclass(frozen=True)
 class Gap:
@@ -56,7 +58,7 @@ def _bridge(before: ImuSamples, after: ImuSamples, hole: float, nominal: float) 
 
 
 def without_gaps(
-    blocks: Iterable[ImuSamples], *, bridge: bool, gaps: list[Gap]
+    blocks: Iterable[ImuSamples], *, bridge: bool, gaps: list[Gap], since: float = -np.inf
 ) -> Iterator[ImuSamples]:
     """Make the intervals of consecutive blocks meet.
 
@@ -71,11 +73,13 @@ def without_gaps(
         Interpolate across gaps; otherwise the first one raises.
     gaps : list of Gap
         Receives every gap met.
+    since : float
+        Gaps that end before it are left alone: nothing is integrated there.
 
     Raises
     ------
     GapError
-        On a gap, unless `bridge`; and on intervals that overlap.
+        On a gap, unless `bridge`; on one too long to bridge; and on intervals that overlap.
     """
     last: ImuSamples | None = None
     nominal = 0.0
@@ -84,7 +88,7 @@ def without_gaps(
             nominal = nominal_interval(block.dt)
         holes = _holes(last, block)
         if np.abs(holes).max() > JITTER * nominal:
-            block = _mended(last, block, holes, nominal, bridge, gaps)
+            block = _mended(last, block, holes, nominal, bridge, gaps, since)
         yield block
         last = block[len(block) - 1 :]
 
@@ -121,6 +125,7 @@ def _mended(
     nominal: float,
     bridge: bool,
     gaps: list[Gap],
+    since: float,
 ) -> ImuSamples:
     bad = int(np.argmin(holes))
     if holes[bad] < -JITTER * nominal:
@@ -142,7 +147,7 @@ def _mended(
         )
     pieces: list[ImuSamples] = []
     start = 0
-    for k in np.flatnonzero(holes > MAX_MISSING * nominal):
+    for k in np.flatnonzero((holes > MAX_MISSING * nominal) & (block.t - block.dt > since)):
         before = block[k - 1 : k] if k else last
         assert before is not None  # the first sample of all has no hole before it
         gap = Gap(float(before.t[0]), float(holes[k]))
@@ -152,6 +157,12 @@ def _mended(
                 f"{gap.length:.3f} s without samples after {gap.start:.3f} s (interval "
                 f"{nominal:.6f} s); navigate up to there, or interpolate across gaps with "
                 "--bridge-gaps (bridge_gaps=True)",
+                time_s=gap.start,
+            )
+        if gap.length > MAX_BRIDGE:
+            raise GapError(
+                f"{gap.length:.3f} s without samples after {gap.start:.3f} s is too long to "
+                f"interpolate across (limit {MAX_BRIDGE:.0f} s); cut the log there",
                 time_s=gap.start,
             )
         if k > start:

@@ -115,7 +115,8 @@ def solve(
     check_choice("reconstruction", reconstruction, RECONSTRUCTIONS)
     check_choice("mechanization", mechanization, MECHANIZATIONS)
     check_choice("vertical", vertical, VERTICAL)
-    whole = without_gaps(blocks, bridge=bridge_gaps, gaps=[] if gaps is None else gaps)
+    found = [] if gaps is None else gaps
+    whole = without_gaps(blocks, bridge=bridge_gaps, gaps=found, since=state.t)
     epoch_ns: list[int] = []
 
     def noted(samples: Iterable[ImuSamples]) -> Iterator[ImuSamples]:

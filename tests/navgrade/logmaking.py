@@ -287,7 +287,8 @@ def stamps(count: int, rate_hz: float = 100.0, *, jitter_s: float = 0.0, seed: i
     """Stamps from EPOCH_NS on, each moved by a uniform jitter of up to `jitter_s`."""
     ideal = np.arange(count) / rate_hz
     moved = ideal + np.random.default_rng(seed).uniform(-jitter_s, jitter_s, count)
-    return EPOCH_NS + np.rint((moved - moved[0]) * 1e9).astype(np.int64)
+    stamp_ns: Stamps = EPOCH_NS + np.rint((moved - moved[0]) * 1e9).astype(np.int64)
+    return stamp_ns
 
 
 def random_recording(count: int, rate_hz: float = 100.0, *, seed: int = 2) -> Recording:
@@ -304,7 +305,8 @@ def body_axes(roll: float, pitch: float, heading: float) -> Array:
     about_down = np.array([[ch, sh, 0.0], [-sh, ch, 0.0], [0.0, 0.0, 1.0]])
     about_right = np.array([[cp, 0.0, -sp], [0.0, 1.0, 0.0], [sp, 0.0, cp]])
     about_forward = np.array([[1.0, 0.0, 0.0], [0.0, cr, sr], [0.0, -sr, cr]])
-    return about_forward @ about_right @ about_down
+    turned: Array = about_forward @ about_right @ about_down
+    return turned
 
 
 def resting(

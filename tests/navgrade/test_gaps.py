@@ -253,3 +253,23 @@ def test_gaps_met_on_the_way_are_handed_back() -> None:
     gaps: list[Gap] = []
     list(solve(imu.blocks(100), START, bridge_gaps=True, gaps=gaps))
     assert [(round(gap.start, 6), round(gap.length, 6)) for gap in gaps] == [(9.0, 0.4)]
+
+
+def test_a_gap_before_the_start_is_nobodys_concern() -> None:
+    """Only what is integrated must be whole."""
+    t = np.concatenate([np.arange(1, 51), np.arange(150, 300)]) * 0.01
+    accel = np.tile([0.0, 0.0, -9.8], (len(t), 1))
+    imu = ImuSamples(t=t, gyro=np.zeros((len(t), 3)), accel=accel, kind="average")
+    nav = navgrade.navigate(imu, NavState(lat=0.7, lon=0.1, h=0.0, t=2.0))
+    assert nav.t[0] == pytest.approx(2.01, abs=1e-12)  # s: rounding
+    with pytest.raises(GapError, match=r"0\.990 s without samples after 0\.500 s"):
+        navgrade.navigate(imu, NavState(lat=0.7, lon=0.1, h=0.0, t=0.3))
+
+
+def test_no_bridge_reaches_across_years() -> None:
+    """One zero stamp must not ask for a billion samples."""
+    t = np.concatenate([[0.0], 1.7e9 + np.arange(100) * 0.01])
+    rows = np.ones((len(t), 3))
+    imu = ImuSamples(t=t, gyro=rows, accel=rows, kind="average")
+    with pytest.raises(GapError, match="too long to interpolate"):
+        navgrade.navigate(imu, NavState(lat=0.7, lon=0.1, h=0.0, t=0.0), bridge_gaps=True)

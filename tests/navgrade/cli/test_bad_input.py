@@ -189,6 +189,18 @@ def test_a_damaged_chunk_becomes_a_gap(bench: Bench, compression: str) -> None:
     assert gap_length == pytest.approx(hole_ns * 1e-9, abs=1e-9)
 
 
+def test_a_chunk_that_claims_a_senseless_size_becomes_a_gap(bench: Bench) -> None:
+    """Two bits of the zstd frame say how long its size is: set, they make it exabytes."""
+    bench.write(imu_channel(drive()), site=SITE, chunk_bytes=30_000)
+    frame = chunks_of(bench.log)[8].start + 44  # behind times, size, CRC, "zstd" and length
+    data = bytearray(bench.log.read_bytes())
+    assert data[frame : frame + 4] == bytes.fromhex("28b52ffd")
+    data[frame + 4] |= 0xC0
+    bench.log.write_bytes(data)
+    bench.refused("damaged chunk", "without samples", "--bridge-gaps")
+    assert "damaged chunk" in bench.accepted("--bridge-gaps").out
+
+
 def test_a_damaged_first_chunk_costs_only_itself(bench: Bench) -> None:
     """The first chunk also holds the channel and schema records; the summary repeats them.
 
@@ -218,8 +230,11 @@ def test_damage_without_chunks_is_noticed(bench: Bench) -> None:
 
 @pytest.mark.parametrize("command", ["run", "inspect", "align"])
 @pytest.mark.parametrize("where", [2, 12, 90])
-def test_a_damaged_schema_record_is_no_crash(bench: Bench, command: str, where: int) -> None:
-    bench.write(imu_channel(drive()), site=SITE, chunked=False)
+@pytest.mark.parametrize("summary", [True, False])
+def test_a_damaged_schema_record_is_no_crash(
+    bench: Bench, command: str, where: int, summary: bool
+) -> None:
+    bench.write(imu_channel(drive()), site=SITE, chunked=False, summary=summary)
     (schema, *_) = [record for record in records_of(bench.log) if record.opcode == SCHEMA]
     data = bytearray(bench.log.read_bytes())
     data[schema.start + where] = 0xFF  # in a length, in the name, in the text

@@ -17,7 +17,7 @@ from mcap_ros2.decoder import DecoderFactory
 from numpy.typing import NDArray
 from rosbags.highlevel import AnyReader
 
-Columns = dict[str, NDArray[np.generic]]
+Columns = dict[str, NDArray[Any]]
 
 STAMP = ("header.stamp.sec", "header.stamp.nanosec")
 SOLUTION = "/navgrade/solution"
