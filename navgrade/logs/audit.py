@@ -164,7 +164,7 @@ def _stamps(file: McapFile, run: RawMessages) -> NDArray[np.int64] | None:
                 seconds = records["header.stamp.sec"].astype(np.int64)
                 nanoseconds = records["header.stamp.nanosec"]
                 stamps[rows[part]] = seconds * 1_000_000_000 + nanoseconds
-    except SchemaError:
+    except (SchemaError, UnicodeDecodeError):
         return None
     return stamps
 

@@ -81,9 +81,12 @@ def _decompress(compression: str, data: bytes, size: int) -> bytes:
     if compression == "":
         return data
     if compression == "zstd":
+        told = zstandard.frame_content_size(data)  # -1 where the frame does not say
+        if told not in (-1, size):
+            raise ValueError(f"its frame claims {told} of {size} bytes")
         return zstandard.ZstdDecompressor().decompress(data, max_output_size=size)
     if compression == "lz4":
-        out: bytes = lz4.frame.decompress(data)
+        out: bytes = lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=size + 1)
         return out
     raise ValueError(f"compression {compression!r} is not known")
 
@@ -256,7 +259,7 @@ class McapFile:
                 raise ValueError(f"it holds {len(records)} of {size} bytes")
             if crc and zlib.crc32(records) != crc:
                 raise ValueError("its checksum does not match")
-        except (ValueError, struct.error, zstandard.ZstdError, RuntimeError) as error:
+        except (ValueError, struct.error, zstandard.ZstdError, RuntimeError, MemoryError) as error:
             self._defect(Issue(offset, f"a damaged chunk was left out: {error}", start, end))
             return b""
         return records
