@@ -155,8 +155,8 @@ def _mended(
         if not bridge:
             raise GapError(
                 f"{gap.length:.3f} s without samples after {gap.start:.3f} s (interval "
-                f"{nominal:.6f} s); navigate up to there, or interpolate across gaps with "
-                "--bridge-gaps (bridge_gaps=True)",
+                f"{nominal:.6f} s); interpolate across gaps with --bridge-gaps (bridge_gaps=True), "
+                "or cut the log there",
                 time_s=gap.start,
             )
         if gap.length > MAX_BRIDGE:

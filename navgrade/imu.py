@@ -39,7 +39,10 @@ def _frozen(array: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _column(name: str, values: ArrayLike, shape: tuple[int, ...]) -> NDArray[np.float64]:
-    array = np.ascontiguousarray(values, dtype=np.float64)
+    if isinstance(values, np.ndarray) and not values.flags.writeable:
+        array = np.ascontiguousarray(values, dtype=np.float64)
+    else:  # a copy: what was checked must not change any more
+        array = np.array(values, dtype=np.float64, order="C")
     if array.shape != shape:
         raise ValueError(f"{name} must have shape {shape}, got {array.shape}")
     if not np.isfinite(array.sum()):

@@ -17,7 +17,7 @@ from align.static import check_units_at_rest
 from earth.units import DEG, DEG_PER_H
 from navgrade import mechanization as frames
 from navgrade import reconstruction as body
-from navgrade.errors import ConfigError, GapError
+from navgrade.errors import ConfigError, GapError, StateTimeError
 from navgrade.gaps import Gap
 from navgrade.imu import ImuSamples, Status, concatenate
 from navgrade.logs import (
@@ -160,6 +160,15 @@ def align_log(log: ImuLog, site: Site) -> AlignedWindow:
     AlignmentError
         When the window gives no attitude.
     """
+    try:
+        return _align(log, site)
+    except AlignmentError as error:
+        if not log.issues:
+            raise
+        raise AlignmentError(f"{error}; the file is damaged: {log.issues[0].text}") from None
+
+
+def _align(log: ImuLog, site: Site) -> AlignedWindow:
     place, window = _place_and_window(site)
     samples = _window_samples(log, window, place.lat)
     missing = window.duration - float(samples.dt.sum())
@@ -323,6 +332,11 @@ def run(
             raise GapError(
                 f"{error}{damage}", file=str(path), topic=log.topic, time_s=error.time_s
             ) from None
+        except StateTimeError as error:
+            what = "the alignment window leaves nothing to navigate"
+            if site.initial is not None:
+                what = "initial.time lies outside the log"
+            raise ConfigError(f"{what}: {error}", file=site.file) from None
         summary.issues = [f"{issue.text} (byte {issue.offset})" for issue in log.issues]
         end_ns = nav.epoch_ns + round(float(nav.t[-1]) * 1e9)
         out.attach(Path(site.file).name, "application/toml", site.text, end_ns)

@@ -223,9 +223,9 @@ def _join(pieces: list[Trajectory], room: Columns) -> Trajectory:
         columns = Columns(
             *(np.concatenate([getattr(p, name) for p in pieces]) for name in Columns._fields)
         )
-    return Trajectory(
+    return Trajectory.made(
         np.concatenate([piece.t for piece in pieces]),
-        *columns,
+        columns,
         np.concatenate([piece.status for piece in pieces]),
         pieces[0].epoch_ns,
     )

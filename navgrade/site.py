@@ -180,6 +180,8 @@ class _Table:
         orthometric = "orthometric_height_m" in self
         if ellipsoidal and orthometric:
             raise self.error("height_m", "give it or orthometric_height_m, not both")
+        if ellipsoidal and "geoid_height_m" in self:
+            raise self.error("geoid_height_m", "belongs to orthometric_height_m, not to height_m")
         if ellipsoidal:
             return self.number("height_m")
         if orthometric:

@@ -102,8 +102,8 @@ class Trajectory:
     t : ndarray, shape (n,)
         s since the epoch; the end of each sample's interval.
     lat, lon, h : ndarray, shape (n,)
-        Geodetic latitude and longitude (rad), height above the ellipsoid (m). Longitude runs on
-        across the date line; `write_solution` wraps it.
+        Geodetic latitude and longitude (rad), height above the ellipsoid (m). Longitude stays
+        within ±pi.
     v_eb_n : ndarray, shape (n, 3)
         Velocity over the Earth in NED, m/s.
     q_nb : ndarray, shape (n, 4)
@@ -124,25 +124,52 @@ class Trajectory:
     epoch_ns: int = 0
 
     def __post_init__(self) -> None:
-        n = len(self.t)
-        shapes = {"lat": (n,), "lon": (n,), "h": (n,), "v_eb_n": (n, 3), "q_nb": (n, 4)}
-        for name, shape in {**shapes, "t": (n,), "status": (n,)}.items():
-            array = getattr(self, name)
-            if array.shape != shape:
-                raise ValueError(f"{name} must have shape {shape}, got {array.shape}")
+        n = np.size(self.t)
+        widths = {"lat": (), "lon": (), "h": (), "v_eb_n": (3,), "q_nb": (4,)}
+        for name, width in {"t": (), **widths}.items():
+            array = np.array(getattr(self, name), dtype=np.float64)
+            if array.shape != (n, *width):
+                raise ValueError(f"{name} must have shape {(n, *width)}, got {array.shape}")
+            good = np.isfinite(array).reshape(n, -1).all(axis=1)
+            if not good.all():
+                raise ValueError(f"{name} is not finite at index {int(np.argmin(good))}")
             array.setflags(write=False)
+            object.__setattr__(self, name, array)
+        status = np.array(self.status, dtype=np.uint32)
+        if status.shape != (n,):
+            raise ValueError(f"status must have shape {(n,)}, got {status.shape}")
+        status.setflags(write=False)
+        object.__setattr__(self, "status", status)
+        later = np.diff(self.t) > 0.0
+        if not later.all():
+            raise ValueError(f"t must increase, it does not at index {int(np.argmin(later)) + 1}")
+
+    @classmethod
+    def made(
+        cls,
+        t: NDArray[np.float64],
+        columns: Columns,
+        status: NDArray[np.uint32],
+        epoch_ns: int,
+    ) -> Trajectory:
+        """Wrap what the engine just computed, without checking or copying it."""
+        self = object.__new__(cls)
+        arrays = {"t": t, **columns._asdict(), "status": status}
+        for name, array in arrays.items():
+            view = array.view()
+            view.setflags(write=False)
+            object.__setattr__(self, name, view)
+        object.__setattr__(self, "epoch_ns", epoch_ns)
+        return self
 
     def __len__(self) -> int:
         return len(self.t)
 
     def __getitem__(self, rows: slice) -> Trajectory:
-        return Trajectory(
+        columns = Columns(self.lat, self.lon, self.h, self.v_eb_n, self.q_nb)
+        return Trajectory.made(
             self.t[rows],
-            self.lat[rows],
-            self.lon[rows],
-            self.h[rows],
-            self.v_eb_n[rows],
-            self.q_nb[rows],
+            Columns(*(column[rows] for column in columns)),
             self.status[rows],
             self.epoch_ns,
         )

@@ -9,7 +9,6 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from navgrade.cli.options import log_argument, source_options
 from navgrade.cli.show import console, show_alignment, show_source, show_summary
-from navgrade.errors import LogError
 from navgrade.job import Choices, open_log, run
 from navgrade.mechanization import MECHANIZATIONS, VERTICAL
 from navgrade.reconstruction import RECONSTRUCTIONS
@@ -51,8 +50,6 @@ def command(
     """Align on LOG's still part, navigate through the rest, and write the solution."""
     site = read_site(site_file)
     choices = Choices(imu_topic, kind, axes, reconstruction, frame, vertical, bridge_gaps, strict)
-    if not log.is_file():
-        raise LogError("no such file", file=str(log))
     show_source(open_log(log, site, choices), axes_given=bool(axes or site.axes))
     bar = Progress(
         TextColumn("navigating"),

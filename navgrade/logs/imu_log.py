@@ -193,7 +193,7 @@ class _Assembler:
         epoch = self.epoch_ns if self.last_ns is not None else int(stamp_ns[0])
         seconds = (int(stamp_ns[index]) - epoch) * 1e-9
         return LogError(
-            f"{text} in message {self.rows + index}, {seconds:.6f} s after the first",
+            f"message {self.rows + index}, {seconds:.6f} s after the first: {text}",
             index=self.rows + index,
             time_s=seconds,
             file=str(self.log.path),
@@ -208,7 +208,7 @@ class _Assembler:
         bad = int(np.argmax(step <= 0))
         what = "repeats" if step[bad] == 0 else f"steps back by {-step[bad] * 1e-9:.6f} s"
         raise self._error(
-            f"the header stamp {what}; repair the stamps first, `navgrade inspect` counts them:",
+            f"the header stamp {what}; repair the stamps first, `navgrade inspect` counts them",
             stamp_ns,
             bad,
         )
@@ -219,7 +219,7 @@ class _Assembler:
         good = np.isfinite(values).reshape(len(values), -1).all(axis=1)
         if not good.all():
             bad = int(np.argmin(good))
-            raise self._error(f"the {what} is {values[bad]}, not finite,", stamp_ns, bad)
+            raise self._error(f"the {what} is {values[bad]}, not finite", stamp_ns, bad)
 
 
 def open_imu(

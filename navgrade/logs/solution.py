@@ -35,7 +35,7 @@ class Decimator:
 
     def rows(self, t: NDArray[np.float64]) -> NDArray[np.intp]:
         """Indices of the rows of `t` (s) to keep."""
-        if self._rate is None:
+        if self._rate is None or not len(t):
             return np.arange(len(t))
         # a thousandth of a period: stamps meant to fall on its start may fall short of it
         period = np.floor(t * self._rate + 1e-3).astype(np.int64)

@@ -236,7 +236,7 @@ class Ned:
         if done < n:
             raise self._too_far_north(float(increments.t[done]), self._rows + done)
         self._rows += n
-        return Trajectory(increments.t, *out, increments.status, self._epoch_ns)
+        return Trajectory.made(increments.t, out, increments.status, self._epoch_ns)
 
     @staticmethod
     def _too_far_north(t: float, index: int = 0) -> NumericalError:

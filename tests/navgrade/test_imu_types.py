@@ -410,3 +410,34 @@ def test_a_state_after_the_samples_is_refused(kind: str, offset: float) -> None:
 def test_an_unknown_choice_names_the_nearest(choice: dict[str, str], message: str) -> None:
     with pytest.raises(ValueError, match=message):
         navgrade.navigate(swaying("average"), START, **choice)
+
+
+def test_samples_do_not_share_memory_that_can_change() -> None:
+    gyro = np.zeros((3, 3))
+    imu = ImuSamples(t=[1.0, 2.0, 3.0], gyro=gyro, accel=np.ones((3, 3)), kind="rate")
+    gyro[1] = np.nan
+    assert np.all(imu.gyro == 0.0)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"h": [0.0, np.nan]}, "h is not finite at index 1"),
+        ({"t": [2.0, 1.0]}, "t must increase, it does not at index 1"),
+        ({"v_eb_n": [[0.0, 0.0]] * 2}, r"v_eb_n must have shape \(2, 3\)"),
+        ({"status": [0]}, r"status must have shape \(2,\)"),
+    ],
+)
+def test_a_trajectory_is_checked(change: dict[str, Any], message: str) -> None:
+    good = {
+        "t": [1.0, 2.0],
+        "lat": [0.1, 0.1],
+        "lon": [0.2, 0.2],
+        "h": [3.0, 3.0],
+        "v_eb_n": np.zeros((2, 3)),
+        "q_nb": [[1.0, 0.0, 0.0, 0.0]] * 2,
+        "status": [0, 0],
+    }
+    assert len(navgrade.Trajectory(**good)) == 2
+    with pytest.raises(ValueError, match=message):
+        navgrade.Trajectory(**{**good, **change})
