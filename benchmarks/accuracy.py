@@ -18,6 +18,7 @@ from tests.navgrade.engine import attitude_error, fly
 from tests.navgrade.real_drive import drive_errors
 from tests.oracles.cases import CASES, CONTEXT, Case, position_error
 from tests.oracles.gravity import NormalGravity, normal_gravity_zonal
+from tests.oracles.truth import Increments
 
 ROOT = Path(__file__).resolve().parents[1]
 SHARED = ROOT.parent / "shared" / "data"
@@ -156,7 +157,7 @@ def _cell(horizontal: float, vertical: float, attitude: float) -> str:
 
 def _pyins_cell(case: Case) -> str:
     """pyins on the same motion, the truth made with its own gravity: integration error alone."""
-    from benchmarks.peers import pyins_gravity, run_pyins
+    from benchmarks.peers import pyins_gravity, run_pyins_from
     from earth import quat_from_euler
     from navgrade import Trajectory
 
@@ -169,20 +170,9 @@ def _pyins_cell(case: Case) -> str:
         exact = motion.increments(edges)
     start = motion.state(edges[CONTEXT])
     rows = slice(CONTEXT, None)
-    peer = run_pyins(
-        exact.dt[rows],
-        exact.dtheta[rows],
-        exact.dvel[rows],
-        start.lat[0],
-        start.lon[0],
-        start.h[0],
-        start.v_eb_n[0],
-        start.roll[0],
-        start.pitch[0],
-        start.heading[0],
-        before=(exact.dtheta[CONTEXT - 1], exact.dvel[CONTEXT - 1]),
-        repeats=1,
-    )
+    shown = Increments(exact.t[rows], exact.dt[rows], exact.dtheta[rows], exact.dvel[rows])
+    before = (exact.dtheta[CONTEXT - 1], exact.dvel[CONTEXT - 1])
+    peer = run_pyins_from(shown, start, before=before, repeats=1)
     truth = motion.state(exact.t[rows])
     nav = Trajectory(
         exact.t[rows].copy(),

@@ -26,6 +26,8 @@ import pandas as pd
 from numpy.typing import ArrayLike, NDArray
 from pyins import earth, strapdown, transform, util
 
+from tests.oracles.truth import Increments, State
+
 Array = NDArray[np.float64]
 T = TypeVar("T")
 
@@ -237,3 +239,27 @@ def _best_time(call: Callable[[], T], repeats: int) -> tuple[float, T]:
         value = call()
         durations.append(perf_counter() - start)
     return min(durations), value
+
+
+def run_pyins_from(
+    exact: Increments,
+    start: State,
+    *,
+    before: tuple[ArrayLike, ArrayLike] | None = None,
+    repeats: int = 3,
+) -> PeerResult:
+    """Run the peer on oracle increments from a true state (its first row)."""
+    return run_pyins(
+        exact.dt,
+        exact.dtheta,
+        exact.dvel,
+        start.lat[0],
+        start.lon[0],
+        start.h[0],
+        start.v_eb_n[0],
+        start.roll[0],
+        start.pitch[0],
+        start.heading[0],
+        before=before,
+        repeats=repeats,
+    )

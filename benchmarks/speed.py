@@ -22,7 +22,7 @@ ROUNDS = 7
 
 def kernel_ratio() -> list[str]:
     """`navigate` (causal-3, frame n, all states stored, warm) against pyins' compiled kernel."""
-    from benchmarks.peers import run_pyins
+    from benchmarks.peers import run_pyins_from
 
     motion = turning_vehicle()
     exact = motion.increments(np.arange(SAMPLES + 1) * 0.005)
@@ -31,19 +31,7 @@ def kernel_ratio() -> list[str]:
     navigate(imu, state)
     ours, peers, ratios = [], [], []
     for _ in range(ROUNDS):
-        peer = run_pyins(
-            exact.dt,
-            exact.dtheta,
-            exact.dvel,
-            start.lat[0],
-            start.lon[0],
-            start.h[0],
-            start.v_eb_n[0],
-            start.roll[0],
-            start.pitch[0],
-            start.heading[0],
-            repeats=1,
-        )
+        peer = run_pyins_from(exact, start, repeats=1)
         times = []
         for _ in range(2):
             began = time.perf_counter()
