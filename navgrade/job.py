@@ -260,7 +260,7 @@ def _initial_state(log: ImuLog, initial: Initial) -> NavState:
 
 
 def run(
-    path: str | Path,
+    log: ImuLog,
     site: Site,
     output: str | Path,
     choices: Choices | None = None,
@@ -274,8 +274,8 @@ def run(
 
     Parameters
     ----------
-    path : path
-        MCAP log.
+    log : ImuLog
+        From `open_log`.
     site : Site
     output : path
         Appears when it is complete.
@@ -294,15 +294,14 @@ def run(
         On anything that prevents a solution; `output` then does not appear.
     """
     choices = choices or Choices()
-    path, output = Path(path), Path(output)
+    output = Path(output)
     began = time.perf_counter()
     reconstruction = _choose("reconstruction", choices, site, body.RECONSTRUCTIONS, body.DEFAULT)
     frame = _choose("frame", choices, site, frames.MECHANIZATIONS, frames.DEFAULT)
     vertical = _choose("vertical", choices, site, frames.VERTICAL, "free")
     if rate_hz is not None and not (np.isfinite(rate_hz) and rate_hz > 0.0):
         raise ConfigError(f"the output rate must be positive, got {rate_hz!r} Hz")
-    log = open_log(path, site, choices)
-    if output.exists() and output.samefile(path):
+    if output.exists() and output.samefile(log.path):
         raise ConfigError(f"the output {output} is the input log")
     check_output(output, overwrite=overwrite)
     alignment = None
@@ -330,7 +329,7 @@ def run(
         except GapError as error:
             damage = "; the file is damaged: " + log.issues[0].text if log.issues else ""
             raise GapError(
-                f"{error}{damage}", file=str(path), topic=log.topic, time_s=error.time_s
+                f"{error}{damage}", file=str(log.path), topic=log.topic, time_s=error.time_s
             ) from None
         except StateTimeError as error:
             what = "the alignment window leaves nothing to navigate"

@@ -50,7 +50,8 @@ def command(
     """Align on LOG's still part, navigate through the rest, and write the solution."""
     site = read_site(site_file)
     choices = Choices(imu_topic, kind, axes, reconstruction, frame, vertical, bridge_gaps, strict)
-    show_source(open_log(log, site, choices), axes_given=bool(axes or site.axes))
+    source = open_log(log, site, choices)
+    show_source(source, axes_given=bool(axes or site.axes))
     bar = Progress(
         TextColumn("navigating"),
         BarColumn(),
@@ -63,7 +64,7 @@ def command(
     with bar:
         task = bar.add_task("", total=log.stat().st_size)
         summary = run(
-            log,
+            source,
             site,
             output,
             choices,
