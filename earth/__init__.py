@@ -3,6 +3,7 @@
 It knows no sensors and steps no time. Angles are radians, everything is SI.
 """
 
+from earth.disturbance import DisturbanceGrid
 from earth.ellipsoid import GRS80, WGS84, Ellipsoid
 from earth.errors import NavgradeError
 from earth.frames import NED_TO_ENU, C_bs, C_en, C_ie
@@ -12,7 +13,12 @@ from earth.geodetic import (
     meridian_radius,
     transverse_radius,
 )
-from earth.gravity import normal_gravity_n, somigliana_second_order
+from earth.gravity import (
+    GRAVITY_MODELS,
+    gravity_n,
+    normal_gravity_n,
+    somigliana_second_order,
+)
 from earth.rates import omega_en_n, omega_ie_n, omega_in_n
 from earth.rotation import (
     dcm_from_quat,
@@ -24,18 +30,21 @@ from earth.rotation import (
 )
 
 __all__ = [
+    "GRAVITY_MODELS",
     "GRS80",
     "NED_TO_ENU",
     "WGS84",
     "C_bs",
     "C_en",
     "C_ie",
+    "DisturbanceGrid",
     "Ellipsoid",
     "NavgradeError",
     "dcm_from_quat",
     "ecef_to_geodetic",
     "euler_from_quat",
     "geodetic_to_ecef",
+    "gravity_n",
     "meridian_radius",
     "normal_gravity_n",
     "omega_en_n",

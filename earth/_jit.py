@@ -1,6 +1,6 @@
 """The one place that knows numba.
 
-Three decorators serve the whole project:
+Three decorators serve the whole project, and two functions a user's own formulas:
 
 ``formula``
     A plain Python function over scalars. Called from Python it is just that (and, being built
@@ -10,6 +10,8 @@ Three decorators serve the whole project:
     The same for a long formula that loops seldom reach.
 ``kernel``
     A compiled loop, cached on disk.
+``compiled``, ``uncached``
+    A user's formula, and a loop that takes it as an argument; neither is kept on disk.
 
 numba's disk cache does not notice that a function in *another* file changed: the cached loop
 silently keeps the old formula. The cache folder is therefore keyed by a hash of every source
@@ -21,11 +23,13 @@ from __future__ import annotations
 import hashlib
 import os
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
 
 import numba
-from numba import config
+from numba import config, types
+from numba.core.errors import NumbaError
 from numba.extending import register_jitable
 from platformdirs import user_cache_path
 
@@ -78,11 +82,66 @@ def rare_formula(func: F) -> F:
 def kernel(func: F) -> F:
     """Compile a loop, cached on disk under a key of all kernel sources; threads may share it."""
     if CACHE_FOLDER is None:
-        uncached: F = numba.njit(nogil=True, **_OPTIONS)(func)
-        return uncached
+        loop: F = numba.njit(nogil=True, **_OPTIONS)(func)
+        return loop
     previous, _config.CACHE_DIR = _config.CACHE_DIR, CACHE_FOLDER
     try:
-        compiled: F = numba.njit(cache=True, nogil=True, **_OPTIONS)(func)
+        loop = numba.njit(cache=True, nogil=True, **_OPTIONS)(func)
     finally:
         _config.CACHE_DIR = previous
-    return compiled
+    return loop
+
+
+@cache
+def _twin(loop: Any) -> Any:
+    return numba.njit(nogil=True, **_OPTIONS)(loop.py_func)
+
+
+def uncached(loop: F) -> F:
+    """Return the twin of a kernel that is never kept on disk, the same one every time.
+
+    A kernel that takes a user's compiled function as an argument is only good for that function
+    object, which ends with the process: on disk it would never be found again.
+    """
+    twin: F = _twin(loop)
+    return twin
+
+
+@cache
+def compiled(func: Callable[..., Any], returns: str) -> Callable[..., Any]:
+    """Compile a user's function of three floats that returns a tuple of three, for kernels.
+
+    Parameters
+    ----------
+    func : callable
+        A plain function, or one compiled by numba already. Globals and closures keep the value
+        they have now.
+    returns : str
+        The three results, for the message: ``"(g_n, g_e, g_d)"``.
+
+    Raises
+    ------
+    TypeError
+        If `func` is not a function, numba cannot compile it, or it returns something else.
+    """
+    name = getattr(func, "__name__", None) or repr(func)
+    signature = (types.float64,) * 3
+    try:
+        done: Any = func if hasattr(func, "py_func") else numba.njit(**_OPTIONS)(func)
+        done.compile(signature)
+    except (NumbaError, TypeError, AttributeError) as error:
+        lines = [line.strip() for line in str(error).splitlines() if line.strip()]
+        cause = next((line for line in lines if not line.startswith("Failed in nopython")), "")
+        raise TypeError(
+            f"numba cannot compile {name}(lat, lon, h), which must be a plain function of three "
+            f"floats whose every call is to NumPy, math or numba-compiled functions: {cause}"
+        ) from error
+    found = done.overloads[signature].signature.return_type
+    parts = getattr(found, "types", ())
+    if len(parts) != 3 or not all(isinstance(x, types.Integer | types.Float) for x in parts):
+        raise TypeError(
+            f"{name}(lat, lon, h) must return the tuple of three floats {returns}; it returns "
+            f"{found}"
+        )
+    function: Callable[..., Any] = done
+    return function

@@ -7,16 +7,29 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from earth import GRS80, WGS84, Ellipsoid, normal_gravity_n, somigliana_second_order
-from earth._jit import kernel
+from earth import (
+    GRAVITY_MODELS,
+    GRS80,
+    WGS84,
+    DisturbanceGrid,
+    Ellipsoid,
+    gravity_n,
+    normal_gravity_n,
+    somigliana_second_order,
+)
+from earth._jit import kernel, uncached
 from earth.gravity import (
     GravityFit,
     closed_form_gravity,
     fitted_gravity,
+    gravity,
+    gravity_field,
     gravity_fit,
+    needs_place,
     somigliana,
 )
 from tests.earth import exact
+from tests.oracles import constants
 from tests.oracles import gravity as oracle
 
 Array = NDArray[np.float64]
@@ -268,3 +281,117 @@ def test_somigliana_of_grs80(monkeypatch: pytest.MonkeyPatch) -> None:
     for lat in (-0.7, 0.35, 1.2):
         expected = oracle.normal_gravity_mp(lat, 0.0).down
         assert abs(float(somigliana_second_order(lat, 0.0, GRS80)) - expected) < ROUNDING
+
+
+def on_the_ellipsoid(lat: Array, h: Array) -> Array:
+    """North and down of "somigliana": the magnitude on the surface, unchanged with height."""
+    surface = oracle.normal_gravity_zonal(lat[:, None], np.zeros(1))
+    down = np.hypot(surface.north, surface.down) + 0.0 * h
+    return np.stack([np.zeros_like(down), down], axis=-1)
+
+
+def to_second_order(lat: Array, h: Array) -> Array:
+    """North and down of "somigliana-taylor": Heiskanen & Moritz (2-123) in the oracles' numbers."""
+    a, f = constants.EQUATORIAL_RADIUS, 1.0 / float(constants.INVERSE_FLATTENING_TEXT)
+    m = constants.OMEGA**2 * a**3 * (1.0 - f) / constants.GM
+    slope = -2.0 / a * (1.0 + f + m - 2.0 * f * np.sin(lat[:, None]) ** 2)
+    north_down = on_the_ellipsoid(lat, h)
+    north_down[..., 1] *= 1.0 + slope * h + 3.0 * (h / a) ** 2
+    return north_down
+
+
+TRUTHS = {
+    "closed-form": zonal,
+    "somigliana-taylor": to_second_order,
+    "somigliana": on_the_ellipsoid,
+}
+
+
+def test_every_named_model_is_tested_and_the_first_is_the_default() -> None:
+    assert list(TRUTHS) == list(GRAVITY_MODELS)
+    assert gravity_fit() == gravity_fit(WGS84, "closed-form")
+    assert gravity_field() == gravity_field("closed-form")
+
+
+@pytest.mark.parametrize("model", GRAVITY_MODELS)
+def test_a_named_model_is_its_formula_in_the_domain_of_the_fit(model: str) -> None:
+    lat = np.linspace(-90.0, 90.0, 361) * DEG
+    h = np.linspace(H_MIN, H_MAX, 64)
+    g_n = gravity_n(lat[:, None], 0.7, h, model)
+    np.testing.assert_allclose(g_n[..., [0, 2]], TRUTHS[model](lat, h), rtol=0.0, atol=CLAIM)
+    assert not g_n[..., 1].any()
+    if model != "closed-form":
+        assert not g_n[..., 0].any()
+
+
+@pytest.mark.parametrize("model", GRAVITY_MODELS)
+def test_a_named_model_is_its_formula_outside_too(model: str) -> None:
+    lat = np.array([-1.3, -0.4, 0.8, 1.57])
+    h = np.array([-2500.0, np.nextafter(H_MAX, np.inf), 25_000.0, 100_000.0])
+    g_n = gravity_n(lat[:, None], 0.7, h, model)
+    np.testing.assert_allclose(g_n[..., [0, 2]], TRUTHS[model](lat, h), rtol=0.0, atol=ROUNDING)
+
+
+@pytest.mark.parametrize("h", [-2500.0, 4000.0, 25_000.0])
+@pytest.mark.parametrize("model", GRAVITY_MODELS)
+def test_a_named_model_knows_its_ellipsoid(model: str, h: float) -> None:
+    """GRS80 is weaker by 1.4 µm/s^2 (its GM), the same for every model at these heights."""
+    difference = gravity_n(-0.6, 0.0, h, model, ellipsoid=GRS80) - gravity_n(-0.6, 0.0, h, model)
+    truth = normal_gravity_n(-0.6, 0.0, GRS80) - normal_gravity_n(-0.6, 0.0)
+    assert abs(truth[2]) > 1e-6
+    # 0.8 % of it at 25 km, by (r / (r + h))^2
+    np.testing.assert_allclose(difference, truth, rtol=0.0, atol=0.02 * abs(truth[2]))
+
+
+@pytest.mark.parametrize("model", GRAVITY_MODELS)
+def test_plain_and_compiled_gravity_agree(model: str) -> None:
+    field = gravity_field(model)
+    assert not needs_place(field)
+    for lat, h in ((-1.1, 2500.0), (0.6, -3000.0), (1.2, 40_000.0)):
+        plain = gravity(WGS84.params, field, float(np.sin(lat)), float(np.cos(lat)), 0.0, 0.0, h)
+        # A few roundings on 10 m/s^2, fused in one and not in the other.
+        np.testing.assert_allclose(plain, gravity_n(lat, 2.0, h, model), rtol=0.0, atol=ROUNDING)
+
+
+@pytest.mark.parametrize(
+    ("name", "near"),
+    [("closed", "closed-form"), ("Somigliana", "somigliana"), ("somigliana-tailor", "-taylor")],
+)
+def test_an_unknown_model_is_refused_with_the_nearest_name(name: str, near: str) -> None:
+    with pytest.raises(ValueError, match=f"got {name!r}; did you mean '.*{near}'"):
+        gravity_field(name)
+
+
+def test_the_refusal_lists_the_names() -> None:
+    with pytest.raises(ValueError, match="closed-form, somigliana-taylor, somigliana or a func"):
+        gravity_n(0.5, 0.0, 0.0, "egm2008")
+
+
+@kernel
+def _loop_with_place(params, field, sin_lat, cos_lat, sin_lon, cos_lon, h, out):
+    for k in range(out.shape[0]):
+        lat = lon = 0.0
+        if needs_place(field):
+            lat = np.arctan2(sin_lat[k], cos_lat[k])
+            lon = np.arctan2(sin_lon[k], cos_lon[k])
+        out[k, 0], out[k, 1], out[k, 2] = gravity(
+            params, field, sin_lat[k], cos_lat[k], lat, lon, h[k]
+        )
+
+
+def test_a_loop_pays_for_the_place_only_where_it_is_needed() -> None:
+    """The arctangents are gone from the machine code of a named model."""
+    lat, lon, h = np.array([-0.5, 0.52]), np.array([0.1, -0.2]), np.array([100.0, 3000.0])
+    trig = [f(x) for x in (lat, lon) for f in (np.sin, np.cos)]
+    grid = DisturbanceGrid(*([-1.0, 1.0],) * 2, *np.array([[[1.0, 2.0], [-3.0, 1.0]]] * 3) * 1e-5)
+    loop = uncached(_loop_with_place)
+    code = []
+    for disturbance in (None, grid):
+        out = np.empty((2, 3))
+        loop(WGS84.params, gravity_field(disturbance=disturbance), *trig, h, out)
+        code.append(loop.inspect_asm(loop.signatures[-1]))  # type: ignore[attr-defined]
+        expected = gravity_n(lat, lon, h, disturbance=disturbance)
+        # 1e-15 rad in the place times the 5e-5 m/s^2 per rad of this grid, and rounding
+        np.testing.assert_allclose(out, expected, rtol=0.0, atol=ROUNDING)
+    assert "atan2" not in code[0]
+    assert "atan2" in code[1]

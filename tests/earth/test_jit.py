@@ -5,6 +5,7 @@ import re
 import shutil
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -95,6 +96,68 @@ def test_without_a_folder_kernels_still_run(
     out = np.empty(3)
     _jit.kernel(halves)(np.array([1.0, -4.0, 0.5]), out)
     np.testing.assert_array_equal(out, [0.5, -2.0, 0.25])
+
+
+@_jit.kernel
+def _apply(function, values, out):
+    for i in range(values.size):
+        out[i] = function(values[i], 2.0, 3.0)[2]
+
+
+@pytest.mark.skipif(_jit.CACHE_FOLDER is None, reason="no folder for compiled code")
+def test_an_uncached_twin_leaves_the_disk_alone() -> None:
+    twin = _jit.uncached(_apply)
+    assert twin is _jit.uncached(_apply)
+    assert twin is not _apply
+    out = np.empty(2)
+    for factor in (2.0, -3.0):
+
+        def scaled(x, y, z):
+            return x, y, factor * x * y * z  # noqa: B023  # compiled at once, so bound now
+
+        twin(_jit.compiled(scaled, "(a, b, c)"), np.array([1.0, 0.5]), out)
+        np.testing.assert_array_equal(out, [6.0 * factor, 3.0 * factor])
+    for dispatcher, kept in ((_apply, True), (twin, False)):
+        assert (dispatcher.stats.cache_path is not None) is kept  # type: ignore[attr-defined]
+    assert not any(Path(_apply.stats.cache_path).glob("*_apply*"))  # type: ignore[attr-defined]
+
+
+def test_a_function_is_compiled_once() -> None:
+    def simple(a, b, c):
+        return a, b, c
+
+    done = _jit.compiled(simple, "(a, b, c)")
+    assert _jit.compiled(simple, "(a, b, c)") is done
+    assert done(1.0, 2.0, 3.0) == (1.0, 2.0, 3.0)
+    assert _jit.compiled(done, "(a, b, c)") is done  # numba's own are taken as they are
+
+
+def _not_compiled(x):
+    return x
+
+
+@pytest.mark.parametrize(
+    ("function", "message"),
+    [
+        (lambda a, b: (a, b, a), "numba cannot compile <lambda>.*Signature mismatch"),
+        (lambda a, b, c: (_not_compiled(a), b, c), "Untyped global name '_not_compiled'"),
+        (lambda a, b, c: (a, b, unknown), "name 'unknown' is not defined"),  # noqa: F821
+        (lambda a, b, c: c, r"must return the tuple of three floats \(x, y, z\).*float64"),
+        (lambda a, b, c: (a, b), "must return the tuple of three floats.*float64 x 2"),
+        (lambda a, b, c: [a, b, c], "must return the tuple of three floats.*list"),
+        (lambda a, b, c: (a, b, "c"), "must return the tuple of three floats"),
+        (lambda a, b, c: np.array([a, b, c]), "must return the tuple of three floats.*array"),
+        (lambda a, b, c: (a, b, 1j * c), "must return the tuple of three floats.*complex"),
+        (np.add, "numba cannot compile add.*not a function"),
+        ("text", "numba cannot compile 'text'.*not a function"),
+    ],
+)
+def test_what_cannot_be_used_in_a_loop_is_refused_in_one_line(
+    function: Callable[..., object], message: str
+) -> None:
+    with pytest.raises(TypeError, match=message) as caught:
+        _jit.compiled(function, "(x, y, z)")
+    assert "\n" not in str(caught.value)
 
 
 def test_kernels_divide_like_numpy() -> None:
