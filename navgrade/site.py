@@ -6,11 +6,11 @@ import difflib
 import math
 import re
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, date, datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -19,13 +19,26 @@ from align.survey import parse_angle
 from earth.rotation import quat_from_euler
 from earth.units import DEG, DEG_PER_H, DEG_PER_RTH, UG, UG_PER_RTHZ
 from navgrade.errors import ConfigError
+from navgrade.imu import DV_FRAMES, DvFrame
 from navgrade.state import NavState
+from navgrade.vertical import (
+    CLASSICAL_GAINS,
+    DEFAULT_GAINS,
+    QUANTITIES,
+    REFERENCES,
+    LoopGains,
+    Quantity,
+    Reference,
+    gains_from_time_constant,
+)
+
+_Choice = TypeVar("_Choice", bound=str)
 
 DEFAULT_HEADING_SIGMA = 1.0 * DEG  # of a known heading whose sigma nobody states
 
 KEYS: dict[str, tuple[str, ...]] = {
-    "": ("imu", "site", "alignment", "initial", "mechanization"),
-    "imu": ("topic", "kind", "axes", "gyro_unit", "accel_unit", "errors"),
+    "": ("imu", "site", "alignment", "initial", "mechanization", "baro"),
+    "imu": ("topic", "kind", "axes", "gyro_unit", "accel_unit", "dv_frame", "errors"),
     "imu.errors": ("gyro_bias_deg_h", "accel_bias_ug", "arw_deg_rth", "vrw_ug_rthz"),
     "site": (
         "latitude",
@@ -48,7 +61,8 @@ KEYS: dict[str, tuple[str, ...]] = {
         "pitch_deg",
         "heading_deg",
     ),
-    "mechanization": ("reconstruction", "frame", "vertical"),
+    "mechanization": ("reconstruction", "frame", "vertical", "gravity", "disturbance"),
+    "baro": ("topic", "field", "quantity", "time_constant_s", "gains", "reference"),
 }
 
 
@@ -79,6 +93,25 @@ class Initial:
 
 
 @dataclass(frozen=True)
+class BaroSettings:
+    """Where the heights of the vertical loop are, and the loop.
+
+    Attributes
+    ----------
+    topic, field, quantity : str or None
+        Of `navgrade.logs.read_heights`.
+    gains, reference
+        Of `navgrade.vertical.BaroLoop`.
+    """
+
+    topic: str | None = None
+    field: str | None = None
+    quantity: Quantity | None = None
+    gains: LoopGains = DEFAULT_GAINS
+    reference: Reference = "start"
+
+
+@dataclass(frozen=True)
 class Site:
     """A site file, checked.
 
@@ -88,11 +121,16 @@ class Site:
     text : bytes
         As read, for the attachment.
     topic, kind, axes, gyro_unit, accel_unit : str or None
+    dv_frame : {"start", "end"} or None
+        Of compensated velocity increments: resolved in b at the start or the end of the interval.
     errors : SensorErrors
     place, window : Place, Window or None
         Both, or `initial` instead.
     initial : Initial or None
-    reconstruction, frame, vertical : str or None
+    reconstruction, frame, vertical, gravity : str or None
+    disturbance : Path or None
+        Grid of gravity disturbances; in the file relative to its folder.
+    baro : BaroSettings or None
     """
 
     file: str
@@ -102,6 +140,7 @@ class Site:
     axes: str | None = None
     gyro_unit: str | None = None
     accel_unit: str | None = None
+    dv_frame: DvFrame | None = None
     errors: SensorErrors = field(default_factory=SensorErrors)
     place: Place | None = None
     window: Window | None = None
@@ -109,6 +148,9 @@ class Site:
     reconstruction: str | None = None
     frame: str | None = None
     vertical: str | None = None
+    gravity: str | None = None
+    disturbance: Path | None = None
+    baro: BaroSettings | None = None
 
 
 class _Table:
@@ -141,6 +183,16 @@ class _Table:
         if value is not None and not isinstance(value, str):
             raise self.error(key, f"must be text, got {value!r}")
         return value
+
+    def choice(self, key: str, allowed: Iterable[_Choice]) -> _Choice | None:
+        value = self.text(key)
+        choices = list(allowed)
+        for known in choices:
+            if value == known:
+                return known
+        if value is None:
+            return None
+        raise self.error(key, f"{value!r} is not one of {', '.join(choices)}")
 
     def number(self, key: str, default: float | None = None, *, least: float = -math.inf) -> float:
         value = self.values.get(key, default)
@@ -247,6 +299,7 @@ def read_site(path: str | Path) -> Site:
     tables = {name: _Table(file, name, values[name]) for name in values}
     imu = tables.get("imu", _Table(file, "imu", {}))
     mechanization = tables.get("mechanization", _Table(file, "mechanization", {}))
+    disturbance = mechanization.text("disturbance")
     place = window = initial = None
     if "initial" in root:
         if "site" in root or "alignment" in root:
@@ -269,6 +322,7 @@ def read_site(path: str | Path) -> Site:
         axes=imu.text("axes"),
         gyro_unit=imu.text("gyro_unit"),
         accel_unit=imu.text("accel_unit"),
+        dv_frame=imu.choice("dv_frame", DV_FRAMES),
         errors=_errors(_Table(file, "imu.errors", imu.values.get("errors", {}))),
         place=place,
         window=window,
@@ -276,6 +330,9 @@ def read_site(path: str | Path) -> Site:
         reconstruction=mechanization.text("reconstruction"),
         frame=mechanization.text("frame"),
         vertical=mechanization.text("vertical"),
+        gravity=mechanization.text("gravity"),
+        disturbance=None if disturbance is None else path.parent / disturbance,
+        baro=_baro(tables["baro"]) if "baro" in tables else None,
     )
 
 
@@ -289,6 +346,30 @@ def _errors(table: _Table) -> SensorErrors:
         accel_bias=scaled("accel_bias_ug", UG),
         arw=scaled("arw_deg_rth", DEG_PER_RTH),
         vrw=scaled("vrw_ug_rthz", UG_PER_RTHZ),
+    )
+
+
+def _baro(table: _Table) -> BaroSettings:
+    for needed in ("topic", "quantity"):
+        if "field" in table and needed not in table:
+            raise table.error(needed, "is required beside field")
+    if "time_constant_s" in table and "gains" in table:
+        raise table.error("gains", "give it or time_constant_s, not both")
+    gains = DEFAULT_GAINS
+    if "time_constant_s" in table:
+        try:
+            gains = gains_from_time_constant(table.number("time_constant_s"))
+        except ValueError:
+            value = table.values["time_constant_s"]
+            raise table.error("time_constant_s", f"must be positive, got {value!r}") from None
+    elif (name := table.choice("gains", CLASSICAL_GAINS)) is not None:
+        gains = CLASSICAL_GAINS[name]
+    return BaroSettings(
+        topic=table.text("topic"),
+        field=table.text("field"),
+        quantity=table.choice("quantity", QUANTITIES),
+        gains=gains,
+        reference=table.choice("reference", REFERENCES) or "start",
     )
 
 

@@ -16,14 +16,15 @@ from navgrade.errors import ConfigError, LogError, SchemaError
 from navgrade.imu import (
     KIND_HELP,
     KINDS,
+    DvFrame,
     ImuSamples,
     Kind,
     concatenate,
     intervals,
     nominal_interval,
 )
-from navgrade.logs.cdr import decode, parse_ros2msg
 from navgrade.logs.container import Issue, McapFile, RawMessages
+from navgrade.logs.records import STAMP, records, stamps_ns
 from navgrade.logs.schemas import ImuSchema
 from navgrade.logs.topics import choose_imu
 
@@ -50,6 +51,8 @@ class ImuLog:
         Refuse a damaged file instead of using what it still holds.
     gyro_unit, accel_unit : str
         Of the recorded rates, or of the rate whose integral increments are.
+    dv_frame : {"start", "end"}
+        Of compensated velocity increments.
     issues : list of Issue
         Defects of the file met by the last reading.
     """
@@ -62,6 +65,7 @@ class ImuLog:
     strict: bool = False
     gyro_unit: str = "rad/s"
     accel_unit: str = "m/s^2"
+    dv_frame: DvFrame = "start"
     issues: list[Issue] = field(default_factory=list)
 
     def blocks(self, progress: Callable[[int], None] | None = None) -> Iterator[ImuSamples]:
@@ -88,31 +92,20 @@ class ImuLog:
             raise SchemaError(str(error), file=str(self.path), topic=self.topic) from None
 
     def _decoded(self, file: McapFile, run: RawMessages) -> _Columns:
-        definition = file.schemas[file.channels[run.channel].schema_id]
-        if definition.encoding != "ros2msg":
-            raise SchemaError(f"schema encoding {definition.encoding!r} is not read, only ros2msg")
-        fields = parse_ros2msg(definition.name, definition.data.decode())
         count = len(run.sizes)
         out = _Columns(
             np.empty(count, np.int64), np.empty((count, 3)), np.empty((count, 3)), np.empty(count)
         )
-        paths = {f.path for f in fields}
-        needed = {"header.stamp.sec", "header.stamp.nanosec", *self.schema.gyro, *self.schema.accel}
+        needed = [*STAMP, *self.schema.gyro, *self.schema.accel]
         if self.schema.interval:
-            needed.add(self.schema.interval)
-        if not needed <= paths:
-            missing = ", ".join(sorted(needed - paths))
-            raise SchemaError(f"the log's own {definition.name} has no {missing}")
-        for rows, messages in run.by_size():
-            for part, records in decode(fields, messages):
-                at = rows[part]
-                seconds = records["header.stamp.sec"].astype(np.int64)
-                out.stamp_ns[at] = seconds * 1_000_000_000 + records["header.stamp.nanosec"]
-                for i in range(3):
-                    out.gyro[at, i] = records[self.schema.gyro[i]]
-                    out.accel[at, i] = records[self.schema.accel[i]]
-                if self.schema.interval:
-                    out.interval[at] = records[self.schema.interval]
+            needed.append(self.schema.interval)
+        for at, found in records(file, run, needed):
+            out.stamp_ns[at] = stamps_ns(found)
+            for i in range(3):
+                out.gyro[at, i] = found[self.schema.gyro[i]]
+                out.accel[at, i] = found[self.schema.accel[i]]
+            if self.schema.interval:
+                out.interval[at] = found[self.schema.interval]
         return out
 
 
@@ -187,6 +180,7 @@ class _Assembler:
             accel=accel @ self.from_accel,
             kind=self.log.kind,
             epoch_ns=self.epoch_ns,
+            dv_frame=self.log.dv_frame,
         )
 
     def _error(self, text: str, stamp_ns: NDArray[np.int64], index: int) -> LogError:
@@ -231,6 +225,7 @@ def open_imu(
     strict: bool = False,
     gyro_unit: str = "rad/s",
     accel_unit: str = "m/s^2",
+    dv_frame: DvFrame = "start",
 ) -> ImuLog:
     """Open an IMU topic of an MCAP log.
 
@@ -247,6 +242,8 @@ def open_imu(
         Refuse a damaged file.
     gyro_unit : {"rad/s", "deg/s"}
     accel_unit : {"m/s^2", "g"}
+    dv_frame : {"start", "end"}
+        Of compensated velocity increments: resolved in b at the start or the end of the interval.
 
     Raises
     ------
@@ -282,7 +279,7 @@ def open_imu(
     ):
         if unit not in known:
             raise ConfigError(f"{key} {unit!r} is not one of {', '.join(known)}", key=f"imu.{key}")
-    return ImuLog(path, topic, schema, kind, axes, strict, gyro_unit, accel_unit)
+    return ImuLog(path, topic, schema, kind, axes, strict, gyro_unit, accel_unit, dv_frame)
 
 
 def read_imu(
@@ -294,6 +291,7 @@ def read_imu(
     strict: bool = False,
     gyro_unit: str = "rad/s",
     accel_unit: str = "m/s^2",
+    dv_frame: DvFrame = "start",
 ) -> ImuSamples:
     """Read a whole IMU topic into memory, in body axes forward-right-down.
 
@@ -308,7 +306,14 @@ def read_imu(
         sample, whose interval is taken as the median one.
     """
     log = open_imu(
-        path, topic, kind, axes, strict=strict, gyro_unit=gyro_unit, accel_unit=accel_unit
+        path,
+        topic,
+        kind,
+        axes,
+        strict=strict,
+        gyro_unit=gyro_unit,
+        accel_unit=accel_unit,
+        dv_frame=dv_frame,
     )
     return concatenate(list(log.blocks()))
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from navgrade.imu import KINDS, Kind
+from navgrade.vertical import Quantity
 
 _SEPARATOR = "=" * 80
 
@@ -79,6 +80,25 @@ class ImuSchema(Schema):
     default_kind: Kind | None
 
 
+@dataclass(frozen=True)
+class HeightSchema(Schema):
+    """A message type that carries a height or a static pressure.
+
+    Attributes
+    ----------
+    field : str
+        Path of the member.
+    quantities : tuple of str
+        What the number can be; the first is taken when nobody says it.
+    stamped : bool
+        There is a header; without one, log time must do.
+    """
+
+    field: str
+    quantities: tuple[Quantity, ...]
+    stamped: bool
+
+
 def _xyz(path: str) -> tuple[str, str, str]:
     return f"{path}.x", f"{path}.y", f"{path}.z"
 
@@ -128,6 +148,41 @@ geometry_msgs/Vector3 delta_velocity    # m/s""",
 
 IMU_SCHEMAS: dict[str, ImuSchema] = {schema.name: schema for schema in (IMU, IMU_INCREMENT)}
 
+FLUID_PRESSURE = HeightSchema(
+    name="sensor_msgs/msg/FluidPressure",
+    text=_definition(
+        """\
+std_msgs/Header header
+float64 fluid_pressure
+float64 variance""",
+        _HEADER,
+        _TIME,
+    ),
+    field="fluid_pressure",
+    quantities=("pressure_pa",),
+    stamped=True,
+)
+
+FLOAT64 = HeightSchema(
+    name="std_msgs/msg/Float64",
+    text=_definition("float64 data"),
+    field="data",
+    quantities=("height_m", "pressure_pa"),
+    stamped=False,
+)
+
+FLOAT32 = HeightSchema(
+    name="std_msgs/msg/Float32",
+    text=_definition("float32 data"),
+    field="data",
+    quantities=("height_m", "pressure_pa"),
+    stamped=False,
+)
+
+HEIGHT_SCHEMAS: dict[str, HeightSchema] = {
+    schema.name: schema for schema in (FLUID_PRESSURE, FLOAT64, FLOAT32)
+}
+
 NAV_SOLUTION = Schema(
     name="navgrade_msgs/msg/NavSolution",
     text=_definition(
@@ -144,7 +199,8 @@ float64 roll_deg
 float64 pitch_deg
 float64 heading_deg                     # clockwise from true north, 0 to 360
 geometry_msgs/Quaternion orientation    # body (forward-right-down) to north-east-down
-uint32 status                           # 1 bridged gap, 2 stretched, 4 short window""",
+uint32 status                           # 1 bridged, 2 stretched, 4 short window,
+                                        # 8 shifted window, 16 no pressure height""",
         _HEADER,
         _TIME,
         _QUATERNION,

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from navgrade.errors import ConfigError
-from navgrade.site import Site, parse_time_ns, read_site
+from navgrade.site import BaroSettings, Site, parse_time_ns, read_site
+from navgrade.vertical import CLASSICAL_GAINS, DEFAULT_GAINS, gains_from_time_constant
 
 DEG = math.pi / 180.0  # rad
 FULL = """\
@@ -20,6 +21,7 @@ kind = "average"
 axes = "RFU"
 gyro_unit = "deg/s"
 accel_unit = "g"
+dv_frame = "end"
 [imu.errors]
 gyro_bias_deg_h = 0.01
 accel_bias_ug = 50.0
@@ -38,6 +40,14 @@ duration_s = 300.0
 reconstruction = "causal-3"
 frame = "n"
 vertical = "free"
+gravity = "somigliana"
+disturbance = "maps/disturbance.csv"
+[baro]
+topic = "/baro"
+field = "pose.position.z"
+quantity = "height_m"
+time_constant_s = 60.0
+reference = "absolute"
 """
 INITIAL = """\
 [imu]
@@ -86,7 +96,15 @@ def test_every_key_is_read_in_its_unit(tmp_path: Path) -> None:
     found = site(tmp_path, FULL)
     assert (found.topic, found.kind, found.axes) == ("/imu/data_raw", "average", "RFU")
     assert (found.gyro_unit, found.accel_unit) == ("deg/s", "g")
+    assert found.dv_frame == "end"
     assert (found.reconstruction, found.frame, found.vertical) == ("causal-3", "n", "free")
+    assert found.gravity == "somigliana"
+    assert found.disturbance == tmp_path / "maps" / "disturbance.csv"
+    assert found.baro is not None
+    assert found.baro.topic == "/baro"
+    assert (found.baro.field, found.baro.quantity) == ("pose.position.z", "height_m")
+    assert found.baro.gains == gains_from_time_constant(60.0)
+    assert found.baro.reference == "absolute"
     assert found.initial is None
     # 1e-15: a few roundings
     close = {"rel": 1e-15, "abs": 0.0}
@@ -110,8 +128,29 @@ def test_what_is_not_said_stays_open(tmp_path: Path) -> None:
     found = site(tmp_path, "")
     for name in ("topic", "kind", "axes", "gyro_unit", "accel_unit", "place", "window", "initial"):
         assert getattr(found, name) is None
+    for name in ("dv_frame", "gravity", "disturbance", "baro"):
+        assert getattr(found, name) is None
     for name in ("gyro_bias", "accel_bias", "arw", "vrw"):
         assert getattr(found.errors, name) is None
+
+
+def test_a_baro_table_may_be_empty(tmp_path: Path) -> None:
+    found = site(tmp_path, "[baro]\n").baro
+    assert found == BaroSettings()
+    assert (found.topic, found.field, found.quantity) == (None, None, None)
+    assert (found.gains, found.reference) == (DEFAULT_GAINS, "start")
+
+
+@pytest.mark.parametrize("name", CLASSICAL_GAINS)
+def test_gains_may_be_a_classical_set(tmp_path: Path, name: str) -> None:
+    found = site(tmp_path, f'[baro]\ngains = "{name}"\n').baro
+    assert found is not None
+    assert found.gains == CLASSICAL_GAINS[name]
+
+
+def test_a_disturbance_grid_may_stand_anywhere(tmp_path: Path) -> None:
+    found = site(tmp_path, '[mechanization]\ndisturbance = "/maps/grid.csv"\n')
+    assert found.disturbance == Path("/maps/grid.csv")
 
 
 def test_an_initial_state_is_read(tmp_path: Path) -> None:
@@ -216,7 +255,7 @@ def test_times_may_be_toml_or_nanoseconds(tmp_path: Path, value: str, time_ns: i
     [
         (FULL, "[site]", "[sites]", "sites", "site"),
         (FULL, "[alignment]", "[alignement]", "alignement", "alignment"),
-        (FULL, "topic", "topics", "imu.topics", "topic"),
+        (FULL, 'topic = "/imu', 'topics = "/imu', "imu.topics", "topic"),
         (FULL, "kind", "Kind", "imu.Kind", "kind"),
         (FULL, "axes", "axis", "imu.axis", "axes"),
         (FULL, "[imu.errors]", "[imu.error]", "imu.error", "errors"),
@@ -227,6 +266,11 @@ def test_times_may_be_toml_or_nanoseconds(tmp_path: Path, value: str, time_ns: i
         (FULL, "heading_sigma_deg", "heading_sigma", "site.heading_sigma", "heading_sigma_deg"),
         (FULL, "duration_s", "duration", "alignment.duration", "duration_s"),
         (FULL, "reconstruction", "reconstuction", "mechanization.reconstuction", "reconstruction"),
+        (FULL, "dv_frame", "dvframe", "imu.dvframe", "dv_frame"),
+        (FULL, "gravity", "gravitation", "mechanization.gravitation", "gravity"),
+        (FULL, "disturbance =", "disturbances =", "mechanization.disturbances", "disturbance"),
+        (FULL, "[baro]", "[barometer]", "barometer", "baro"),
+        (FULL, "time_constant_s", "time_constant", "baro.time_constant", "time_constant_s"),
         (INITIAL, "velocity_ned_m_s", "velocity", "initial.velocity", "velocity_ned_m_s"),
         (INITIAL, "roll_deg", "roll", "initial.roll", "roll_deg"),
     ],
@@ -272,6 +316,25 @@ WRONG = [  # text, old, new, key, facts
     (FULL, "300.0", "1.0", "alignment.duration_s", "at least 2, got 1.0"),
     (FULL, "5.0\nd", "-5.0\nd", "alignment.start_s", "at least 0, got -5.0"),
     (FULL, FULL[FULL.index("[site]") : FULL.index("[alignment]")], "", "site", "[site]"),
+    (FULL, '"end"', '"middle"', "imu.dv_frame", "'middle' is not one of start, end"),
+    (FULL, '"end"', "true", "imu.dv_frame", "must be text, got True"),
+    (FULL, '"somigliana"', "9.81", "mechanization.gravity", "must be text, got 9.81"),
+    (FULL, '"maps/disturbance.csv"', "1", "mechanization.disturbance", "must be text, got 1"),
+    (FULL, '"/baro"', "3", "baro.topic", "must be text, got 3"),
+    (FULL, 'topic = "/baro"\n', "", "baro.topic", "required beside field"),
+    (FULL, '"pose.position.z"', "2", "baro.field", "must be text, got 2"),
+    (FULL, '"height_m"', '"height_ft"', "baro.quantity",
+     "'height_ft' is not one of height_m, pressure_pa"),
+    (FULL, 'quantity = "height_m"\n', "", "baro.quantity", "required beside field"),
+    (FULL, "60.0", "0.0", "baro.time_constant_s", "must be positive, got 0.0"),
+    (FULL, "60.0", "-60", "baro.time_constant_s", "must be positive, got -60"),
+    (FULL, "60.0", "inf", "baro.time_constant_s", "finite, got inf"),
+    (FULL, "60.0", '"slow"', "baro.time_constant_s", "must be a number, got 'slow'"),
+    (FULL, "time_constant_s = 60.0", 'time_constant_s = 60.0\ngains = "rogers"', "baro.gains",
+     "not both"),
+    (FULL, "time_constant_s = 60.0", 'gains = "roger"', "baro.gains",
+     "'roger' is not one of rogers"),
+    (FULL, '"absolute"', '"msl"', "baro.reference", "'msl' is not one of start, absolute"),
     (INITIAL, 'time = "2026-01-01T00:00:00.500Z"\n', "", "initial.time", "one of them"),
     (INITIAL, "latitude", "time_ns = 3\nlatitude", "initial.time", "one of them"),
     (INITIAL, '"2026-01-01T00:00:00.500Z"', '"yesterday"', "initial.time", "'yesterday'"),
@@ -304,7 +367,7 @@ def test_a_wrong_value_names_its_key(
     assert fact in str(caught)
 
 
-@pytest.mark.parametrize("table", ["imu", "site", "alignment", "initial", "mechanization"])
+@pytest.mark.parametrize("table", ["imu", "site", "alignment", "initial", "mechanization", "baro"])
 def test_a_table_that_is_a_value_is_told(tmp_path: Path, table: str) -> None:
     caught = error(tmp_path, f"{table} = 3\n")
     assert caught.key == table
