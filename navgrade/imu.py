@@ -12,6 +12,8 @@ from numpy.typing import ArrayLike, NDArray
 
 Kind = Literal["rate", "average", "increment", "compensated"]
 KINDS: tuple[Kind, ...] = get_args(Kind)
+DvFrame = Literal["start", "end"]
+DV_FRAMES: tuple[DvFrame, ...] = get_args(DvFrame)
 KIND_HELP = (
     "rate (instantaneous at the stamp), average (mean over the interval that ends at the stamp), "
     "increment (integral over that interval) or compensated (increments the sensor has already "
@@ -29,7 +31,9 @@ class Status(IntFlag):
 
     BRIDGED = 1  # not recorded: interpolated across a gap
     STRETCHED = 2  # the mean rate also stands for up to 3 missing intervals before it
-    SHORT_WINDOW = 4  # fewer previous samples than the reconstruction asks for
+    SHORT_WINDOW = 4  # fewer samples than the reconstruction asks for
+    SHIFTED_WINDOW = 8  # a centred window moved aside, at an end of the log or of a gap
+    UNAIDED = 16  # no pressure height for the vertical loop
 
 
 def _frozen(array: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -90,6 +94,8 @@ class ImuSamples:
         Unix time of ``t = 0``, ns.
     status : array_like of int, shape (n,), optional
         `Status` bits.
+    dv_frame : {"start", "end"}
+        Of compensated velocity increments: resolved in b at the start or the end of the interval.
 
     Raises
     ------
@@ -105,10 +111,14 @@ class ImuSamples:
     dt: NDArray[np.float64] = field(default=None)  # type: ignore[arg-type]  # filled in below
     epoch_ns: int = 0
     status: NDArray[np.uint32] = field(default=None)  # type: ignore[arg-type]  # filled in below
+    dv_frame: DvFrame = "start"
 
     def __post_init__(self) -> None:
-        if self.kind not in KINDS:
-            raise ValueError(f"kind must be one of {', '.join(KINDS)}, got {self.kind!r}")
+        for name, allowed in (("kind", KINDS), ("dv_frame", DV_FRAMES)):
+            if getattr(self, name) not in allowed:
+                raise ValueError(
+                    f"{name} must be one of {', '.join(allowed)}, got {getattr(self, name)!r}"
+                )
         n = np.size(self.t)
         t = _column("t", self.t, (n,))
         steps = np.diff(t)
@@ -149,8 +159,8 @@ class ImuSamples:
         part = object.__new__(ImuSamples)  # rows of valid samples are valid: no second check
         for name in ("t", "dt", "gyro", "accel", "status"):
             object.__setattr__(part, name, getattr(self, name)[rows])
-        object.__setattr__(part, "kind", self.kind)
-        object.__setattr__(part, "epoch_ns", self.epoch_ns)
+        for name in ("kind", "epoch_ns", "dv_frame"):
+            object.__setattr__(part, name, getattr(self, name))
         return part
 
     @property
@@ -184,12 +194,13 @@ def concatenate(pieces: list[ImuSamples]) -> ImuSamples:
         status=np.concatenate([p.status for p in pieces]),
         kind=first.kind,
         epoch_ns=first.epoch_ns,
+        dv_frame=first.dv_frame,
     )
 
 
 @dataclass(frozen=True, eq=False)
 class BodyIncrements:
-    """What reconstruction hands to mechanization, one row per interval.
+    """What reconstruction hands to mechanization, one row per update interval.
 
     Attributes
     ----------
@@ -199,6 +210,9 @@ class BodyIncrements:
         Rotation vector from b at the start to b at the end of the interval, rad.
     dv : ndarray, shape (n, 3)
         Integral of the specific force, resolved in b at the start of the interval, m/s.
+    dr : ndarray, shape (n, 3)
+        Integral of that integral over the interval, m: how far the specific force alone moves
+        the body.
     status : ndarray of uint32, shape (n,)
     """
 
@@ -206,7 +220,13 @@ class BodyIncrements:
     dt: NDArray[np.float64]
     phi: NDArray[np.float64]
     dv: NDArray[np.float64]
+    dr: NDArray[np.float64]
     status: NDArray[np.uint32]
 
     def __len__(self) -> int:
         return len(self.t)
+
+    def __getitem__(self, rows: slice) -> BodyIncrements:
+        return BodyIncrements(
+            *(getattr(self, name)[rows] for name in ("t", "dt", "phi", "dv", "dr", "status"))
+        )

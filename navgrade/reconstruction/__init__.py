@@ -5,62 +5,88 @@ This stage knows nothing of the Earth. An algorithm is one file and one line of 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator
 from functools import partial
+from itertools import chain
 
-import numpy as np
-from numpy.typing import NDArray
-
-from navgrade.imu import BodyIncrements, ImuSamples, Status, concatenate
-from navgrade.reconstruction import causal, uncompensated
+from navgrade.imu import BodyIncrements, ImuSamples
+from navgrade.reconstruction import blocks as block_forms
+from navgrade.reconstruction import causal, centred, compensated, uncompensated
 from navgrade.reconstruction.increments import to_increments
+from navgrade.reconstruction.stream import BlockForm, Reconstruction, by_block, by_sample
 
-Array = NDArray[np.float64]
-
-__all__ = ["DEFAULT", "RECONSTRUCTIONS", "Reconstruction", "reconstruct", "to_increments"]
-
-
-@dataclass(frozen=True)
-class Reconstruction:
-    """One algorithm of the registry.
-
-    Attributes
-    ----------
-    summary : str
-    previous : int
-        Samples it looks back.
-    order : int
-        Global order of the velocity error in the interval, for smooth motion.
-    coning_order : int
-        Power of (coning frequency times interval) its pure-coning drift falls with.
-    loop : callable
-        ``loop(dt, dtheta, dvel, first, phi, dv)`` fills `phi`, `dv` for rows from `first` on.
-    """
-
-    summary: str
-    previous: int
-    order: int
-    coning_order: int
-    loop: Callable[[Array, Array, Array, int, Array, Array], None]
+__all__ = [
+    "CAUSAL",
+    "DEFAULT",
+    "RECONSTRUCTIONS",
+    "BlockForm",
+    "Reconstruction",
+    "reconstruct",
+    "to_increments",
+]
 
 
-RECONSTRUCTIONS: dict[str, Reconstruction] = {
+def _causal(previous: int, order: int) -> Reconstruction:
+    count = ("no", "one", "two", "three", "four")[previous]
+    return Reconstruction(
+        f"current and {count} previous sample{'s' * (previous != 1)}",
+        order=order,
+        coning_order=2 * previous + 2,
+        loop=partial(causal.reconstruct, previous),
+        back=previous,
+    )
+
+
+def _block(samples: int, summary: str) -> BlockForm:
+    return BlockForm(
+        summary,
+        order=3 if samples == 2 else 2,
+        coning_order=2 * samples,
+        loop=partial(block_forms.reconstruct, samples),
+        samples=samples,
+    )
+
+
+def _centred(window: int, order: int, coning_order: int) -> Reconstruction:
+    return Reconstruction(
+        f"{window} samples around the current one",
+        order=order,
+        coning_order=coning_order,
+        loop=partial(centred.reconstruct, window),
+        back=window - 1,
+        ahead=window - 1,
+    )
+
+
+RECONSTRUCTIONS: dict[str, Reconstruction | BlockForm] = {
     "none": Reconstruction(
-        "increments as they are, no compensation", 0, 1, 2, uncompensated.reconstruct
+        "increments as they are, no compensation",
+        order=1,
+        coning_order=2,
+        loop=uncompensated.reconstruct,
     ),
-    "causal-1": Reconstruction(
-        "current and previous sample", 1, 3, 4, partial(causal.reconstruct, 1)
-    ),
-    "causal-3": Reconstruction(
-        "current and three previous samples", 3, 3, 8, partial(causal.reconstruct, 3)
-    ),
+    "causal-0": _causal(0, 2),
+    "causal-1": _causal(1, 3),
+    "causal-2": _causal(2, 3),
+    "causal-3": _causal(3, 3),
+    "causal-4": _causal(4, 3),
+    "samples-2": _block(2, "two samples make one update"),
+    "samples-3": _block(3, "three samples make one update"),
+    "samples-4": _block(4, "four samples make one update; worse than two in manoeuvres"),
+    "centred-3": _centred(3, 4, 4),
+    "centred-5": _centred(5, 6, 6),
+    "centred-7": _centred(7, 6, 8),
+    "centred-9": _centred(9, 6, 10),
+    "centred-11": _centred(11, 6, 12),
+    "centred-13": _centred(13, 6, 14),
+    "centred-15": _centred(15, 6, 16),
 }
-DEFAULT = "causal-3"
+DEFAULT = "centred-9"
+CAUSAL = "causal-3"  # what a program that cannot see the future would take
 
 
 def reconstruct(blocks: Iterable[ImuSamples], algorithm: str) -> Iterator[BodyIncrements]:
-    """Turn consecutive blocks of increments into body increments, one row per sample.
+    """Turn consecutive blocks of increments into body increments.
 
     Parameters
     ----------
@@ -72,27 +98,19 @@ def reconstruct(blocks: Iterable[ImuSamples], algorithm: str) -> Iterator[BodyIn
     Yields
     ------
     BodyIncrements
-        The values do not depend on where the blocks end.
+        One row per sample; per N samples for the block forms. The values do not depend on where
+        the blocks end.
     """
     chosen = RECONSTRUCTIONS[algorithm]
-    context: ImuSamples | None = None
-    for block in blocks:
-        if block.kind == "compensated":
-            yield BodyIncrements(block.t, block.dt, block.gyro, block.accel, block.status)
-            continue
-        n, known = len(block), 0 if context is None else len(context)
-        phi, dv = np.empty((n, 3)), np.empty((n, 3))
-        head = min(chosen.previous, n) if known else 0
-        if context is not None and head:
-            seam = concatenate([context, block[:head]])
-            chosen.loop(seam.dt, seam.gyro, seam.accel, known, phi[:head], dv[:head])
-        chosen.loop(block.dt, block.gyro, block.accel, head, phi[head:], dv[head:])
-        status = block.status
-        short = max(chosen.previous - known, 0)
-        if short:
-            status = status.copy()
-            status[:short] |= np.uint32(Status.SHORT_WINDOW)
-        yield BodyIncrements(block.t, block.dt, phi, dv, status)
-        if context is not None and n < chosen.previous:
-            block = concatenate([context, block])
-        context = block[max(len(block) - chosen.previous, 0) :]
+    iterator = iter(blocks)
+    first = next(iterator, None)
+    if first is None:
+        return
+    stream = chain([first], iterator)
+    if first.kind == "compensated":
+        loop = partial(compensated.reconstruct, first.dv_frame == "end")
+        yield from by_sample(stream, Reconstruction("as they are", 0, 0, loop, back=1))
+    elif isinstance(chosen, BlockForm):
+        yield from by_block(stream, chosen)
+    else:
+        yield from by_sample(stream, chosen)

@@ -5,13 +5,10 @@ For comparison, and for a sensor whose increments need none over so short an int
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-
-
-def reconstruct(dt: Array, dtheta: Array, dvel: Array, first: int, phi: Array, dv: Array) -> None:
+def reconstruct(dt, dtheta, dvel, first, phi, dv, dr, status):
     """Copy the rows from `first` on."""
-    phi[:] = dtheta[first:]
-    dv[:] = dvel[first:]
+    rows = slice(first, first + len(phi))
+    phi[:] = dtheta[rows]
+    dv[:] = dvel[rows]
+    dr[:] = 0.5 * dt[rows, None] * dv
