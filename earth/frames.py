@@ -43,6 +43,24 @@ def ned_to_ecef(lat, lon):
 
 
 @formula
+def half_angle(sin, cos):
+    """Return sine and cosine of half an angle within ±pi, from its sine and cosine."""
+    if cos > 0.0:
+        half_cos = np.sqrt(0.5 * (1.0 + cos))
+        return 0.5 * sin / half_cos, half_cos
+    half_sin = np.copysign(np.sqrt(0.5 * (1.0 - cos)), sin)
+    return half_sin, 0.5 * sin / half_sin
+
+
+@formula
+def ned_to_ecef_quat(sin_lat, cos_lat, sin_lon, cos_lon):
+    """Return q_en."""
+    lon_s, lon_c = half_angle(sin_lon, cos_lon)
+    down_s, down_c = half_angle(cos_lat, -sin_lat)  # about east, from the pole's axis to down
+    return lon_c * down_c, lon_s * down_s, -lon_c * down_s, lon_s * down_c
+
+
+@formula
 def ecef_to_inertial(angle):
     """Return the nine elements of C_ie, row by row, for a rotation angle of the Earth, rad."""
     sin, cos = np.sin(angle), np.cos(angle)

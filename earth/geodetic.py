@@ -32,24 +32,30 @@ def ecef_from_geodetic(params, lat, lon, h):
 
 
 @formula
-def geodetic_from_ecef(params, x, y, z):
-    """Return latitude, longitude (rad) and height (m) of an Earth-fixed point.
+def meridian_plane(params, rho, z):
+    """Return sine and cosine of latitude, and height (m), `rho` off the axis and `z` north (m).
 
     Bowring's iteration (Survey Review 23 (1976) 323-327) on the reduced latitude, three rounds:
     from -100 km to geostationary height its own error is below rounding.
     """
-    rho = np.hypot(x, y)
-    beta = np.arctan2(z * params.a, rho * params.b)
-    lat = beta
+    sin_beta, cos_beta = z * params.a, rho * params.b
     for _ in range(3):
-        lat = np.arctan2(
-            z + params.E**2 / params.b * np.sin(beta) ** 3,
-            rho - params.e2 * params.a * np.cos(beta) ** 3,
-        )
-        beta = np.arctan2(params.b * np.sin(lat), params.a * np.cos(lat))
-    sin_lat = np.sin(lat)
-    h = rho * np.cos(lat) + z * sin_lat - params.a * np.sqrt(1.0 - params.e2 * sin_lat * sin_lat)
-    return lat, np.arctan2(y, x), h
+        k = 1.0 / np.sqrt(sin_beta * sin_beta + cos_beta * cos_beta)
+        sin_beta, cos_beta = k * sin_beta, k * cos_beta
+        sin_lat = z + params.E * params.E / params.b * (sin_beta * sin_beta * sin_beta)
+        cos_lat = rho - params.e2 * params.a * (cos_beta * cos_beta * cos_beta)
+        sin_beta, cos_beta = params.b * sin_lat, params.a * cos_lat
+    k = 1.0 / np.sqrt(sin_lat * sin_lat + cos_lat * cos_lat)
+    sin_lat, cos_lat = k * sin_lat, k * cos_lat
+    surface = params.a * np.sqrt(1.0 - params.e2 * sin_lat * sin_lat)
+    return sin_lat, cos_lat, rho * cos_lat + z * sin_lat - surface
+
+
+@formula
+def geodetic_from_ecef(params, x, y, z):
+    """Return latitude, longitude (rad) and height (m) of an Earth-fixed point."""
+    sin_lat, cos_lat, h = meridian_plane(params, np.hypot(x, y), z)
+    return np.arctan2(sin_lat, cos_lat), np.arctan2(y, x), h
 
 
 def meridian_radius(lat: ArrayLike, ellipsoid: Ellipsoid = WGS84) -> NDArray[np.float64]:

@@ -14,8 +14,10 @@ if TYPE_CHECKING:
     from navgrade.logs import read_imu, write_increments, write_solution
     from navgrade.navigation import navigate, solve
     from navgrade.state import NavState, Trajectory
+    from navgrade.vertical import BaroLoop
 
 _HOMES = {
+    "BaroLoop": "navgrade.vertical",
     "BodyIncrements": "navgrade.imu",
     "ImuSamples": "navgrade.imu",
     "NavState": "navgrade.state",
@@ -30,6 +32,7 @@ _HOMES = {
 }
 
 __all__ = [
+    "BaroLoop",
     "BodyIncrements",
     "ImuSamples",
     "NavState",

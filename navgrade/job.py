@@ -14,10 +14,13 @@ import numpy as np
 
 from align import AlignmentError, StaticAlignment, align_static
 from align.static import check_units_at_rest
+from earth import gravity as earth_gravity
+from earth.disturbance import DisturbanceGrid
+from earth.gravity import GRAVITY_MODELS
 from earth.units import DEG, DEG_PER_H
 from navgrade import mechanization as frames
 from navgrade import reconstruction as body
-from navgrade.errors import ConfigError, GapError, StateTimeError
+from navgrade.errors import ConfigError, GapError, LogError, StateTimeError
 from navgrade.gaps import Gap
 from navgrade.imu import ImuSamples, Status, concatenate
 from navgrade.logs import (
@@ -26,11 +29,13 @@ from navgrade.logs import (
     SolutionWriter,
     check_output,
     open_imu,
+    read_heights,
     sha256,
 )
 from navgrade.navigation import check_choice, solve
-from navgrade.site import Initial, Place, Site, Window
+from navgrade.site import BaroSettings, Initial, Place, Site, Window
 from navgrade.state import NavState, Trajectory
+from navgrade.vertical import BaroLoop
 
 _AT_REST = 0.1  # m/s: slower, an initial state is a stop, and units can be checked
 _CHECK_SPAN = 2.0  # s of samples for that check
@@ -48,6 +53,7 @@ class Choices:
     reconstruction: str | None = None
     frame: str | None = None
     vertical: str | None = None
+    gravity: str | None = None
     bridge_gaps: bool = False
     strict: bool = False
 
@@ -97,6 +103,7 @@ class RunSummary:
     reconstruction: str
     frame: str
     vertical: str
+    gravity: str
     first: NavState
     final: NavState | None = None
     samples: int = 0
@@ -117,6 +124,7 @@ def open_log(path: str | Path, site: Site, choices: Choices) -> ImuLog:
         strict=choices.strict,
         gyro_unit=site.gyro_unit or "rad/s",
         accel_unit=site.accel_unit or "m/s^2",
+        dv_frame=site.dv_frame or "start",
     )
 
 
@@ -299,6 +307,8 @@ def run(
     reconstruction = _choose("reconstruction", choices, site, body.RECONSTRUCTIONS, body.DEFAULT)
     frame = _choose("frame", choices, site, frames.MECHANIZATIONS, frames.DEFAULT)
     vertical = _choose("vertical", choices, site, frames.VERTICAL, "free")
+    gravity = _choose("gravity", choices, site, GRAVITY_MODELS, earth_gravity.DEFAULT)
+    disturbance = _disturbance(site)
     if rate_hz is not None and not (np.isfinite(rate_hz) and rate_hz > 0.0):
         raise ConfigError(f"the output rate must be positive, got {rate_hz!r} Hz")
     if output.exists() and output.samefile(log.path):
@@ -312,7 +322,8 @@ def run(
         state = alignment.state
         if aligned:
             aligned(alignment)
-    summary = RunSummary(output, log, alignment, reconstruction, frame, vertical, state)
+    summary = RunSummary(output, log, alignment, reconstruction, frame, vertical, gravity, state)
+    aid = _baro_loop(log, site, strict=choices.strict) if vertical == "baro" else None
     with SolutionWriter(output, overwrite=overwrite, rate_hz=rate_hz) as out:
         try:
             for nav in solve(
@@ -320,7 +331,9 @@ def run(
                 state,
                 reconstruction=reconstruction,
                 mechanization=frame,
-                vertical=vertical,
+                vertical=aid or vertical,
+                gravity=gravity,
+                disturbance=disturbance,
                 bridge_gaps=choices.bridge_gaps,
                 gaps=summary.gaps,
             ):
@@ -339,7 +352,7 @@ def run(
         summary.issues = [f"{issue.text} (byte {issue.offset})" for issue in log.issues]
         end_ns = nav.epoch_ns + round(float(nav.t[-1]) * 1e9)
         out.attach(Path(site.file).name, "application/toml", site.text, end_ns)
-        out.metadata(PROVENANCE, _provenance(summary))
+        out.metadata(PROVENANCE, _provenance(summary, site, aid))
     summary.seconds = time.perf_counter() - began
     return summary
 
@@ -366,7 +379,30 @@ def _count(summary: RunSummary, nav: Trajectory) -> None:
         summary.counts[name] = summary.counts.get(name, 0) + hits
 
 
-def _provenance(summary: RunSummary) -> dict[str, str]:
+def _disturbance(site: Site) -> DisturbanceGrid | None:
+    if site.disturbance is None:
+        return None
+    try:
+        return DisturbanceGrid.read(site.disturbance)
+    except (OSError, ValueError) as error:
+        key = "mechanization.disturbance"
+        raise ConfigError(f"{key}: {error}", file=site.file, key=key) from None
+
+
+def _baro_loop(log: ImuLog, site: Site, *, strict: bool) -> BaroLoop:
+    """The heights of the site file's topic, on the clock of the samples."""
+    baro = site.baro or BaroSettings()
+    heights = read_heights(
+        log.path, baro.topic, field=baro.field, quantity=baro.quantity, strict=strict
+    )
+    epoch_ns = next(iter(log.blocks())).epoch_ns
+    try:
+        return BaroLoop(heights.seconds(epoch_ns), heights.h, baro.gains, baro.reference)
+    except ValueError as error:
+        raise LogError(f"the heights: {error}", file=str(log.path), topic=baro.topic) from None
+
+
+def _provenance(summary: RunSummary, site: Site, aid: BaroLoop | None) -> dict[str, str]:
     log = summary.log
     alignment = summary.alignment
     return {
@@ -379,9 +415,13 @@ def _provenance(summary: RunSummary) -> dict[str, str]:
         "axes": log.axes,
         "gyro_unit": log.gyro_unit,
         "accel_unit": log.accel_unit,
+        "dv_frame": log.dv_frame,
         "reconstruction": summary.reconstruction,
         "frame": summary.frame,
         "vertical": summary.vertical,
+        **({"loop_gains": json.dumps(aid.gains), "loop_heights": str(len(aid))} if aid else {}),
+        "gravity": summary.gravity,
+        **({"disturbance_sha256": sha256(site.disturbance)} if site.disturbance else {}),
         "ellipsoid": "WGS84",
         "samples": str(summary.samples),
         "alignment": json.dumps(alignment_report(alignment)) if alignment else "given state",

@@ -8,16 +8,21 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
+from earth import gravity as earth_gravity
+from earth.disturbance import DisturbanceGrid
 from earth.ellipsoid import WGS84, Ellipsoid
+from earth.gravity import GravityFunction
 from navgrade import mechanization as frames
 from navgrade import reconstruction as body
 from navgrade.errors import StateTimeError
 from navgrade.gaps import Gap, without_gaps
 from navgrade.imu import BodyIncrements, ImuSamples, concatenate
-from navgrade.mechanization import MECHANIZATIONS, VERTICAL
-from navgrade.reconstruction import RECONSTRUCTIONS, reconstruct, to_increments
+from navgrade.mechanization import MECHANIZATIONS, VERTICAL, World
+from navgrade.reconstruction import RECONSTRUCTIONS, BlockForm, reconstruct, to_increments
 from navgrade.state import Columns, NavState, Trajectory
+from navgrade.vertical import BaroLoop
 
 BLOCK = 65_536  # samples of one block of an array held in memory
 _COINCIDE = 1e-9  # s: a state this close to a sample's end needs no split
@@ -61,7 +66,7 @@ def _from(blocks: Iterable[ImuSamples], t: float) -> Iterator[ImuSamples]:
                     f"state.t = {t:.9f} s is before the samples, whose first interval begins at "
                     f"{begin:.9f} s"
                 )
-            k = int(np.searchsorted(block.t, t + _COINCIDE, side="right"))
+            k = _first_after(block.t, t)
             started = k < len(block)
             if started and block.t[k] - block.dt[k] < t - _COINCIDE:
                 block = _split(block, k, t)
@@ -70,6 +75,18 @@ def _from(blocks: Iterable[ImuSamples], t: float) -> Iterator[ImuSamples]:
     if not started:
         last = "there are none" if end is None else f"the last is at {end:.9f} s"
         raise StateTimeError(f"state.t = {t:.9f} s leaves no samples to integrate: {last}")
+
+
+def _first_after(times: NDArray[np.float64], t: float) -> int:
+    return int(np.searchsorted(times, t + _COINCIDE, side="right"))
+
+
+def _after(blocks: Iterable[ImuSamples], t: float) -> Iterator[ImuSamples]:
+    """Drop samples that end at `t` or before."""
+    for block in blocks:
+        first = _first_after(block.t, t)
+        if first < len(block):
+            yield block[first:]
 
 
 def _ahead(items: Iterator[BodyIncrements]) -> Iterator[BodyIncrements]:
@@ -87,7 +104,9 @@ def solve(
     *,
     reconstruction: str = body.DEFAULT,
     mechanization: str = frames.DEFAULT,
-    vertical: str = "free",
+    vertical: str | BaroLoop = "free",
+    gravity: str | GravityFunction = earth_gravity.DEFAULT,
+    disturbance: GravityFunction | DisturbanceGrid | None = None,
     bridge_gaps: bool = False,
     ellipsoid: Ellipsoid = WGS84,
     gaps: list[Gap] | None = None,
@@ -114,7 +133,15 @@ def solve(
     """
     check_choice("reconstruction", reconstruction, RECONSTRUCTIONS)
     check_choice("mechanization", mechanization, MECHANIZATIONS)
-    check_choice("vertical", vertical, VERTICAL)
+    if isinstance(vertical, str):
+        check_choice("vertical", vertical, VERTICAL)
+    world = World.around(
+        state,
+        vertical=vertical,
+        gravity=gravity,
+        disturbance=disturbance,
+        ellipsoid=ellipsoid,
+    )
     found = [] if gaps is None else gaps
     whole = without_gaps(blocks, bridge=bridge_gaps, gaps=found, since=state.t)
     epoch_ns: list[int] = []
@@ -127,23 +154,17 @@ def solve(
 
     mechanizer = None
     rows = 0
-    body_increments = reconstruct(_from(to_increments(noted(whole)), state.t), reconstruction)
+    samples = _from(to_increments(noted(whole)), state.t)
+    if isinstance(RECONSTRUCTIONS[reconstruction], BlockForm):
+        samples = _after(samples, state.t)  # so that groups start there
+    body_increments = reconstruct(samples, reconstruction)
     for increments in _ahead(body_increments):
-        first = int(np.searchsorted(increments.t, state.t + _COINCIDE, side="right"))
+        first = _first_after(increments.t, state.t)
         if first == len(increments):
             continue
-        if first:
-            increments = BodyIncrements(
-                increments.t[first:],
-                increments.dt[first:],
-                increments.phi[first:],
-                increments.dv[first:],
-                increments.status[first:],
-            )
+        increments = increments[first:]
         if mechanizer is None:
-            mechanizer = MECHANIZATIONS[mechanization].start(
-                state, vertical=vertical, ellipsoid=ellipsoid, epoch_ns=epoch_ns[0]
-            )
+            mechanizer = MECHANIZATIONS[mechanization].start(state, world, epoch_ns[0])
         start, rows = rows, rows + len(increments)
         fits = room is not None and rows <= len(room.lat)
         yield mechanizer.advance(
@@ -157,7 +178,9 @@ def navigate(
     *,
     reconstruction: str = body.DEFAULT,
     mechanization: str = frames.DEFAULT,
-    vertical: str = "free",
+    vertical: str | BaroLoop = "free",
+    gravity: str | GravityFunction = earth_gravity.DEFAULT,
+    disturbance: GravityFunction | DisturbanceGrid | None = None,
     bridge_gaps: bool = False,
     ellipsoid: Ellipsoid = WGS84,
 ) -> Trajectory:
@@ -171,10 +194,16 @@ def navigate(
     state : NavState
         Where to start.
     reconstruction : str
-        ``none``, ``causal-1`` or ``causal-3``.
-    mechanization : str
-        Frame: ``n``.
-    vertical : {"free", "hold"}
+        A name of `navgrade.reconstruction.RECONSTRUCTIONS`: ``none``, ``causal-0`` to
+        ``causal-4``, ``samples-2`` to ``samples-4``, ``centred-3`` to ``centred-15``.
+    mechanization : {"n", "e", "i", "w"}
+        Frame: north-east-down, Earth-fixed, inertial, wander azimuth. They agree; only n ends
+        near the poles.
+    vertical : {"free", "hold"} or BaroLoop
+    gravity : str or callable
+        A name of `earth.GRAVITY_MODELS`, or a function as for `earth.gravity.gravity_field`.
+    disturbance : DisturbanceGrid or callable, optional
+        What the real field adds, see `earth.DisturbanceGrid`.
     bridge_gaps : bool
         Interpolate across gaps longer than three intervals instead of refusing them.
     ellipsoid : Ellipsoid
@@ -182,23 +211,25 @@ def navigate(
     Returns
     -------
     Trajectory
-        One row per integrated sample.
+        One row per integrated sample; per N samples for ``samples-N``.
 
     Raises
     ------
     ValueError
         On an unknown choice.
+    TypeError
+        On a gravity or disturbance function that cannot be compiled.
     StateTimeError
         When the samples do not hold ``state.t``; also a ValueError.
     GapError
         On a gap, unless `bridge_gaps`.
     NumericalError
-        Beyond latitude ±89.9° in frame n.
+        Beyond latitude ±89.9° in frame n, and off the disturbance grid.
 
     Notes
     -----
-    Accuracy with exact increments at 200 Hz, ``causal-3``, after 1 h at 100 m/s in permanent
-    turns: see docs/accuracy.md, which a command writes and tests guard.
+    Accuracy with exact increments, after 1 h, by motion, algorithm and frame: see
+    docs/accuracy.md, which a command writes and tests guard.
     """
     room = Columns.empty(len(imu) + 1)
     pieces = solve(
@@ -207,6 +238,8 @@ def navigate(
         reconstruction=reconstruction,
         mechanization=mechanization,
         vertical=vertical,
+        gravity=gravity,
+        disturbance=disturbance,
         bridge_gaps=bridge_gaps,
         ellipsoid=ellipsoid,
         room=room,

@@ -7,11 +7,12 @@ from pathlib import Path
 import click
 from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
+from earth.gravity import GRAVITY_MODELS
 from navgrade.cli.options import log_argument, source_options
 from navgrade.cli.show import console, show_alignment, show_source, show_summary
 from navgrade.job import Choices, open_log, run
 from navgrade.mechanization import MECHANIZATIONS, VERTICAL
-from navgrade.reconstruction import RECONSTRUCTIONS
+from navgrade.reconstruction import CAUSAL, DEFAULT, RECONSTRUCTIONS
 from navgrade.site import read_site
 
 
@@ -26,9 +27,11 @@ from navgrade.site import read_site
     metavar="OUT.mcap",
     help="Appears when it is complete.",
 )
-@click.option("--reconstruction", help=f"{', '.join(RECONSTRUCTIONS)}.")
+@click.option("--reconstruction", help=f"{', '.join(RECONSTRUCTIONS)}. Default: {DEFAULT}.")
+@click.option("--causal", is_flag=True, help=f"Use no later samples: --reconstruction {CAUSAL}.")
 @click.option("--frame", help=f"{', '.join(MECHANIZATIONS)}.")
-@click.option("--vertical", help=f"{', '.join(VERTICAL)}.")
+@click.option("--vertical", help=f"{', '.join(VERTICAL)} (heights: [baro] in SITE.toml).")
+@click.option("--gravity", help=f"{', '.join(GRAVITY_MODELS)}.")
 @click.option("--output-rate", type=float, metavar="HZ", help="Default: every sample.")
 @click.option("--bridge-gaps", is_flag=True, help="Interpolate across gaps instead of stopping.")
 @click.option("--overwrite", is_flag=True, help="Replace OUT.mcap.")
@@ -41,15 +44,31 @@ def command(
     strict: bool,
     output: Path,
     reconstruction: str | None,
+    causal: bool,
     frame: str | None,
     vertical: str | None,
+    gravity: str | None,
     output_rate: float | None,
     bridge_gaps: bool,
     overwrite: bool,
 ) -> None:
     """Align on LOG's still part, navigate through the rest, and write the solution."""
+    if causal and reconstruction not in (None, CAUSAL):
+        raise click.UsageError(
+            f"--causal means --reconstruction {CAUSAL}; give it or {reconstruction!r}, not both"
+        )
     site = read_site(site_file)
-    choices = Choices(imu_topic, kind, axes, reconstruction, frame, vertical, bridge_gaps, strict)
+    choices = Choices(
+        topic=imu_topic,
+        kind=kind,
+        axes=axes,
+        reconstruction=CAUSAL if causal else reconstruction,
+        frame=frame,
+        vertical=vertical,
+        gravity=gravity,
+        bridge_gaps=bridge_gaps,
+        strict=strict,
+    )
     source = open_log(log, site, choices)
     show_source(source, axes_given=bool(axes or site.axes))
     bar = Progress(

@@ -78,6 +78,10 @@ def show_summary(summary: RunSummary) -> None:
     row("gaps bridged", f"{len(summary.gaps)}" + (f": {bridged}{more}" if bridged else ""))
     if summary.counts.get("STRETCHED"):
         row("stretched samples", f"{summary.counts['STRETCHED']} (1 or 2 missing before)")
+    if summary.counts.get("SHORT_WINDOW"):
+        row("short windows", f"{summary.counts['SHORT_WINDOW']} (too few samples between gaps)")
+    if summary.counts.get("UNAIDED"):
+        row("without heights", f"{summary.counts['UNAIDED']} samples, the loop coasted")
     row(
         "final position",
         f"{final.lat / DEG:.9f}°  {final.lon / DEG:.9f}°  {final.h:.4f} m",

@@ -6,11 +6,14 @@ This stage knows nothing of sampling. A frame is one file and one line of the re
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import Protocol
 
-from earth.ellipsoid import Ellipsoid
 from navgrade.imu import BodyIncrements
+from navgrade.mechanization.cartesian import Cartesian
 from navgrade.mechanization.ned import Ned
+from navgrade.mechanization.wander import Wander
+from navgrade.mechanization.world import VERTICAL, World
 from navgrade.state import Columns, NavState, Trajectory
 
 
@@ -24,9 +27,7 @@ class Mechanizer(Protocol):
 class MechanizerFactory(Protocol):
     """Makes a `Mechanizer` from an initial state."""
 
-    def __call__(
-        self, state: NavState, *, vertical: str, ellipsoid: Ellipsoid, epoch_ns: int
-    ) -> Mechanizer:
+    def __call__(self, state: NavState, world: World, epoch_ns: int = 0) -> Mechanizer:
         """Start at `state`."""
 
 
@@ -48,11 +49,11 @@ class Mechanization:
 
 
 MECHANIZATIONS: dict[str, Mechanization] = {
-    "n": Mechanization("north-east-down, to latitude ±89.9°", 2, Ned),
+    "n": Mechanization("north-east-down, to latitude ±89.9°", 4, Ned),
+    "e": Mechanization("Earth-fixed, everywhere", 4, partial(Cartesian, True)),
+    "i": Mechanization("inertial, everywhere", 4, partial(Cartesian, False)),
+    "w": Mechanization("wander azimuth, everywhere", 4, Wander),
 }
 DEFAULT = "n"
 
-VERTICAL = {
-    "free": "unaided; diverges with a time constant of 570 s",
-    "hold": "constant height",
-}
+__all__ = ["DEFAULT", "MECHANIZATIONS", "VERTICAL", "Mechanization", "World"]

@@ -1,0 +1,43 @@
+"""From frames without a north direction to the solution's terms, and back."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from earth._jit import formula
+from earth.frames import ned_to_ecef_quat
+from earth.rotation import quat_product
+
+
+@formula
+def direction(rho, x, y):
+    """Return sine and cosine of the angle of (x, y), of length `rho`; 0 and 1 for the length 0."""
+    if rho > 0.0:
+        return y / rho, x / rho
+    return 0.0, 1.0
+
+
+@formula
+def to_local(sin_lat, cos_lat, sin_lon, cos_lon, v_e, q_eb):
+    """Return latitude, longitude, v_eb_n and q_nb."""
+    out = cos_lon * v_e[0] + sin_lon * v_e[1]  # away from the axis
+    v_n = (
+        cos_lat * v_e[2] - sin_lat * out,
+        cos_lon * v_e[1] - sin_lon * v_e[0],
+        -cos_lat * out - sin_lat * v_e[2],
+    )
+    w, x, y, z = ned_to_ecef_quat(sin_lat, cos_lat, sin_lon, cos_lon)
+    q_nb = quat_product((w, -x, -y, -z), q_eb)
+    return np.arctan2(sin_lat, cos_lat), np.arctan2(sin_lon, cos_lon), v_n, q_nb
+
+
+@formula
+def from_local(sin_lat, cos_lat, sin_lon, cos_lon, v_n, q_nb):
+    """Return v_eb_e and q_eb."""
+    out = -sin_lat * v_n[0] - cos_lat * v_n[2]
+    v_e = (
+        cos_lon * out - sin_lon * v_n[1],
+        sin_lon * out + cos_lon * v_n[1],
+        cos_lat * v_n[0] - sin_lat * v_n[2],
+    )
+    return v_e, quat_product(ned_to_ecef_quat(sin_lat, cos_lat, sin_lon, cos_lon), q_nb)

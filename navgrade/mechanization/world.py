@@ -1,0 +1,87 @@
+"""What every frame needs beside the increments: ellipsoid, gravity, and the vertical channel."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from earth.disturbance import DisturbanceGrid
+from earth.ellipsoid import WGS84, Ellipsoid, EllipsoidParams
+from earth.gravity import DEFAULT, GravityField, GravityFunction, gravity_field
+from navgrade.errors import NumericalError
+from navgrade.imu import BodyIncrements, Status
+from navgrade.mechanization.step import BARO, FREE, HOLD, Channel
+from navgrade.state import NavState
+from navgrade.vertical import BaroLoop
+
+Array = NDArray[np.float64]
+
+VERTICAL = {
+    "free": "unaided; diverges with a time constant of 570 s",
+    "hold": "constant height",
+    "baro": "third-order loop on pressure heights",
+}
+
+
+@dataclass(frozen=True, eq=False)
+class World:
+    """Surroundings of a run.
+
+    Attributes
+    ----------
+    params : EllipsoidParams
+    field : GravityField
+    channel : Channel
+    loop : BaroLoop or None
+        Heights above the ellipsoid.
+    """
+
+    params: EllipsoidParams
+    field: GravityField
+    channel: Channel
+    loop: BaroLoop | None = None
+
+    @classmethod
+    def around(
+        cls,
+        state: NavState,
+        *,
+        vertical: str | BaroLoop = "free",
+        gravity: str | GravityFunction = DEFAULT,
+        disturbance: GravityFunction | DisturbanceGrid | None = None,
+        ellipsoid: Ellipsoid = WGS84,
+    ) -> World:
+        """Make the surroundings of a run that starts at `state`."""
+        loop = None
+        if isinstance(vertical, BaroLoop):
+            loop = vertical.aligned(state.t, state.h)
+            channel = Channel(BARO, *loop.gains, state.h)
+        else:
+            mode = {"free": FREE, "hold": HOLD}[vertical]
+            channel = Channel(mode, 0.0, 0.0, 0.0, state.h)
+        field = gravity_field(gravity, disturbance, ellipsoid)
+        return cls(ellipsoid.params, field, channel, loop)
+
+    def start_velocity(self, state: NavState) -> Array:
+        """Velocity the run starts with, NED; without a vertical part where height is held."""
+        v = np.array(state.v_eb_n)
+        if self.channel.mode == HOLD:
+            v[2] = 0.0
+        return v
+
+    def heights(self, increments: BodyIncrements) -> tuple[Array, NDArray[np.uint32]]:
+        """Heights at the ends of the intervals, nan where none is needed or known; the status."""
+        if self.loop is None:
+            return np.full(len(increments), np.nan), increments.status
+        heights = self.loop.heights_at(increments.t)
+        unaided = np.where(np.isnan(heights), np.uint32(Status.UNAIDED), np.uint32(0))
+        return heights, increments.status | unaided
+
+    def no_solution(self, t: float, index: int) -> NumericalError:
+        """Tell that the solution ended in values that are not finite."""
+        cause = "the increments are too large to be real"
+        if self.field.grid is not None:
+            cause = "the trajectory leaves the disturbance grid; give one that covers it"
+        return NumericalError(f"no finite solution at {t:.3f} s: {cause}", index=index, t=t)
