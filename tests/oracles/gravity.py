@@ -63,24 +63,8 @@ def _even_legendre_step(n: int) -> tuple[float, float, float]:
 _STEPS = {n: _even_legendre_step(n) for n in range(0, ZONAL_DEGREE, 2)}
 
 
-def normal_gravity_zonal(lat: ArrayLike, h: ArrayLike) -> NormalGravity:
-    """Normal gravity at geodetic latitude (rad) and ellipsoidal height (m), vectorised."""
-    lat = np.asarray(lat, dtype=np.float64)
-    return zonal_from_trig(np.sin(lat), np.cos(lat), np.asarray(h, dtype=np.float64))
-
-
-def zonal_from_trig(sin_lat: Array, cos_lat: Array, h: Array) -> NormalGravity:
-    """`normal_gravity_zonal` for callers that hold the sine and cosine of latitude already."""
-    w2 = 1.0 - E2 * sin_lat * sin_lat
-    w = np.sqrt(w2)
-    transverse = EQUATORIAL_RADIUS / w
-    rho = (transverse + h) * cos_lat
-    z = (transverse * (1.0 - E2) + h) * sin_lat
-    r2 = rho * rho + z * z
-    r = np.sqrt(r2)
-    u = z * z / r2  # squared sine of geocentric latitude
-    q = EQUATORIAL_RADIUS**2 / r2
-
+def _zonal_sums(u: Array, q: Array) -> tuple[Array, Array]:
+    """1 - sum (n + 1) J_n q^(n/2) P_n and sum J_n q^(n/2) dP_n/du, from u and q = (a / r)^2."""
     p, p_last = np.ones_like(u), np.zeros_like(u)
     d, d_last = np.zeros_like(u), np.zeros_like(u)  # dP/du
     power = np.ones_like(u)
@@ -103,7 +87,28 @@ def zonal_from_trig(sin_lat: Array, cos_lat: Array, h: Array) -> NormalGravity:
         term *= p
         term *= n + 3
         radial -= term
+    return radial, polar
 
+
+def normal_gravity_zonal(lat: ArrayLike, h: ArrayLike) -> NormalGravity:
+    """Normal gravity at geodetic latitude (rad) and ellipsoidal height (m), vectorised."""
+    lat = np.asarray(lat, dtype=np.float64)
+    return zonal_from_trig(np.sin(lat), np.cos(lat), np.asarray(h, dtype=np.float64))
+
+
+def zonal_from_trig(sin_lat: Array, cos_lat: Array, h: Array) -> NormalGravity:
+    """`normal_gravity_zonal` for callers that hold the sine and cosine of latitude already."""
+    w2 = 1.0 - E2 * sin_lat * sin_lat
+    w = np.sqrt(w2)
+    transverse = EQUATORIAL_RADIUS / w
+    rho = (transverse + h) * cos_lat
+    z = (transverse * (1.0 - E2) + h) * sin_lat
+    r2 = rho * rho + z * z
+    r = np.sqrt(r2)
+    u = z * z / r2  # squared sine of geocentric latitude
+    q = EQUATORIAL_RADIUS**2 / r2
+
+    radial, polar = _zonal_sums(u, q)
     attraction = GM / r2
     spin2 = OMEGA * OMEGA
     # Geocentric up and north, with cos = rho / r, sin = z / r and dP/dt = 2 t dP/du.
@@ -115,6 +120,18 @@ def zonal_from_trig(sin_lat: Array, cos_lat: Array, h: Array) -> NormalGravity:
     return NormalGravity(
         north=north * cos_delta - up * sin_delta, down=-up * cos_delta - north * sin_delta
     )
+
+
+def gravitation_e(x: Array, y: Array, z: Array) -> tuple[Array, Array, Array]:
+    """Gravitation (without the centrifugal part) at an Earth-fixed position, also at the poles."""
+    z2 = z * z
+    r2 = x * x + y * y + z2
+    u = z2 / r2
+    radial, polar = _zonal_sums(u, EQUATORIAL_RADIUS**2 / r2)
+    attraction = -GM / (r2 * np.sqrt(r2))  # times the position
+    polar *= 2.0
+    across = attraction * (radial - u * polar)
+    return x * across, y * across, z * (across + attraction * polar)
 
 
 def _potential(rho: mp.mpf, z: mp.mpf) -> mp.mpf:
@@ -136,6 +153,13 @@ def _potential(rho: mp.mpf, z: mp.mpf) -> mp.mpf:
     return gm / focal * mp.atan(focal / u) + harmonic + omega**2 * rho**2 / 2
 
 
+def meridian_gravity_mp(rho: mp.mpf, z: mp.mpf) -> tuple[mp.mpf, mp.mpf]:
+    """Gravity away from the axis and along it, m/s^2, to about 50 digits at a distance and z, m."""
+    with mp.workdps(max(mp.dps, 60)):
+        g_rho, g_z = (mp.diff(_potential, (rho, z), order) for order in ((1, 0), (0, 1)))
+        return g_rho, g_z
+
+
 def normal_gravity_mp(lat: mp.mpf | float, h: mp.mpf | float) -> NormalGravityMp:
     """Normal gravity to about 50 digits: the gradient of the closed potential, one point."""
     with mp.workdps(max(mp.dps, 60)):
@@ -143,6 +167,5 @@ def normal_gravity_mp(lat: mp.mpf | float, h: mp.mpf | float) -> NormalGravityMp
         f = 1 / mp.mpf(INVERSE_FLATTENING_TEXT)
         e2 = f * (2 - f)
         transverse = mp.mpf(EQUATORIAL_RADIUS_TEXT) / mp.sqrt(1 - e2 * s**2)
-        rho, z = (transverse + h) * c, (transverse * (1 - e2) + h) * s
-        g_rho, g_z = mp.diff(_potential, (rho, z), (1, 0)), mp.diff(_potential, (rho, z), (0, 1))
+        g_rho, g_z = meridian_gravity_mp((transverse + h) * c, (transverse * (1 - e2) + h) * s)
         return NormalGravityMp(north=c * g_z - s * g_rho, down=-c * g_rho - s * g_z)

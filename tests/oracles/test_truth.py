@@ -1,16 +1,15 @@
 """The oracle against 120-digit arithmetic by another route, and against literature values."""
 
-from collections.abc import Callable, Iterable
 from functools import cache
 
 import numpy as np
 import pytest
 from mpmath import mp, mpf
-from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
-from tests.oracles import constants, truth
+from tests.oracles import high_precision, truth
 from tests.oracles.gravity import normal_gravity_mp, normal_gravity_zonal
+from tests.oracles.high_precision import error
 
 STILL, RAMP = 60.0, 20.0  # s
 
@@ -20,6 +19,7 @@ MOTIONS = {
     "static_north": truth.static(51.08, -114.13, 1118.5, 3.0, -2.0, 130.0),
     "static_south": truth.static(-33.9, 18.4, -20.0, -170.0, 80.0, 275.0),
     "manoeuvre": truth.manoeuvre(),
+    "airliner": truth.vibrating_airliner(),
     "road": truth.road_drive(),
     "road_from_rest": truth.start_from_rest(truth.road_drive(), STILL, RAMP),
     "vibrating_from_rest": truth.start_from_rest(truth.vibrating_vehicle(), STILL, RAMP),
@@ -56,76 +56,17 @@ def mp_clock(start: truth.SmoothStart | None, t: mpf) -> mpf:
 def mp_coordinates(motion: truth.Motion, t: mpf) -> list[mpf]:
     tau = mp_clock(motion.start, t)
     names = ("lat", "lon", "h", "roll", "pitch", "heading")
-    return [
-        mpf(c.constant)
-        + mpf(c.rate) * tau
-        + sum(
-            mpf(s.amplitude) * mp.sin(mpf(s.angular_frequency) * tau + mpf(s.phase))
-            for s in c.sinusoids
-        )
-        for c in (getattr(motion, name) for name in names)
-    ]
-
-
-def mp_turn(axis: int, angle: mpf) -> mp.matrix:
-    """Elementary rotation that takes coordinates after the turn to those before it."""
-    s, c = mp.sin(angle), mp.cos(angle)
-    j, k = (axis + 1) % 3, (axis + 2) % 3
-    C = mp.eye(3)
-    C[j, j], C[k, k], C[j, k], C[k, j] = c, c, -s, s
-    return C
-
-
-def mp_C_en(lat: mpf, lon: mpf) -> mp.matrix:
-    return mp_turn(2, lon) * mp_turn(1, -lat - mp.pi / 2)
-
-
-def mp_r_e(lat: mpf, lon: mpf, h: mpf) -> mp.matrix:
-    f = 1 / mpf(constants.INVERSE_FLATTENING_TEXT)
-    e2 = f * (2 - f)
-    normal = mpf(constants.EQUATORIAL_RADIUS_TEXT) / mp.sqrt(1 - e2 * mp.sin(lat) ** 2)
-    rho = (normal + h) * mp.cos(lat)
-    return mp.matrix([rho * mp.cos(lon), rho * mp.sin(lon), (normal * (1 - e2) + h) * mp.sin(lat)])
-
-
-def mp_derivatives(function: Callable[[mpf], mp.matrix], t: mpf) -> tuple[mp.matrix, ...]:
-    """Value, first and second derivative by central differences, good to 55 digits at 120."""
-    step = mpf(10) ** -30  # s
-    back, here, ahead = (function(t + k * step) for k in (-1, 0, 1))
-    return here, (ahead - back) / (2 * step), (ahead - 2 * here + back) / step**2
+    return [high_precision.value(getattr(motion, name), tau) for name in names]
 
 
 @cache
 def mp_rates(name: str, t: float | mpf) -> tuple[mpf, ...]:
-    """omega_ib_b and f_ib_b from inertial position and attitude alone."""
-    motion, omega = MOTIONS[name], mpf(constants.OMEGA_TEXT)
+    def pose(t: mpf) -> tuple[mp.matrix, mp.matrix]:
+        lat, lon, h, *angles = mp_coordinates(MOTIONS[name], t)
+        C_nb = high_precision.from_euler(*angles)
+        return high_precision.C_en(lat, lon) * C_nb, high_precision.ecef(lat, lon, h)
 
-    def inertial(t: mpf) -> mp.matrix:
-        lat, lon, h, roll, pitch, heading = mp_coordinates(motion, t)
-        C_ie = mp_turn(2, omega * t)
-        C_nb = mp_turn(2, heading) * mp_turn(1, pitch) * mp_turn(0, roll)
-        C_ib = C_ie * mp_C_en(lat, lon) * C_nb
-        together = mp.matrix(3, 4)
-        together[:, :3], together[:, 3] = C_ib, C_ie * mp_r_e(lat, lon, h)
-        return together
-
-    with mp.workdps(120):
-        t = mpf(t)
-        here, first, second = mp_derivatives(inertial, t)
-        C_ib, r_i = here[:, :3], here[:, 3]
-        skew = C_ib.T * first[:, :3]
-        lat, lon, h, *_ = mp_coordinates(motion, t)
-        gravity = normal_gravity_mp(lat, h)
-        g_n = mp.matrix([gravity.north, 0, gravity.down])
-        centrifugal_i = mp.matrix([omega**2 * r_i[0], omega**2 * r_i[1], 0])
-        gravitation_i = mp_turn(2, omega * t) * mp_C_en(lat, lon) * g_n - centrifugal_i
-        f_ib_b = C_ib.T * (second[:, 3] - gravitation_i)
-        return (skew[2, 1], skew[0, 2], skew[1, 0], *f_ib_b)
-
-
-def error(value: ArrayLike, exact: Iterable[mpf]) -> float:
-    """Largest |value - exact|, subtracted in high precision."""
-    return max(abs(float(mpf(float(a)) - b)) for a, b in zip(np.ravel(value), exact, strict=True))
+    return high_precision.felt(pose, t)
 
 
 @EACH_MOTION
@@ -141,14 +82,16 @@ def test_rates_match_inertial_derivation(name, t):
 @EACH_TIME
 def test_state_matches_position_and_its_derivative(name, t):
     state, motion = MOTIONS[name].state(t), MOTIONS[name]
-    with mp.workdps(120):
-        lat, lon, h, roll, pitch, heading = mp_coordinates(motion, mpf(t))
-        _, v_e, _ = mp_derivatives(lambda t: mp_r_e(*mp_coordinates(motion, t)[:3]), mpf(t))
-        v_n = mp_C_en(lat, lon).T * v_e
-        C_nb = mp_turn(2, heading) * mp_turn(1, pitch) * mp_turn(0, roll)
-        r_true = mp_r_e(lat, lon, h)
-        r = mp_r_e(*(mpf(float(x[0])) for x in (state.lat, state.lon, state.h)))
+    with mp.workdps(high_precision.DIGITS):
+        lat, lon, _, *angles = mp_coordinates(motion, mpf(t))
+        r_true, v_e, _ = high_precision.derivatives(
+            lambda t: high_precision.ecef(*mp_coordinates(motion, t)[:3]), mpf(t)
+        )
+        v_n = high_precision.C_en(lat, lon).T * v_e
+        C_nb = high_precision.from_euler(*angles)
+        r = high_precision.ecef(*(mpf(float(x[0])) for x in (state.lat, state.lon, state.h)))
         assert mp.norm(r - r_true) < TOL_R
+        assert error(truth.ecef(state.lat, state.lon, state.h), r_true) < TOL_R
     assert error(state.v_eb_n, v_n) < TOL_V
     assert error(state.C_nb, C_nb) < TOL_C
 
@@ -239,14 +182,38 @@ def test_motions_are_what_they_are_named():
     nod = np.degrees(MOTIONS["road"].state(t).pitch - climb)
     assert np.all(np.abs(nod - 0.5) < 0.65)  # deg, 0.5 of nodding and a slope taken at 17 m/s
 
-    shaken, plain = MOTIONS["vibrating"], MOTIONS["turning"]
-    fine = 777.0 + 0.001 * np.arange(1000)
-    f_n = [
-        np.einsum("kij,kj->ki", m.state(fine).C_nb, m.rates(fine).f_ib_b) for m in (shaken, plain)
-    ]
-    north = (f_n[0] - f_n[1])[:, 0]
+    v_eb_n = MOTIONS["airliner"].state(t).v_eb_n
+    assert np.all(np.abs(np.linalg.norm(v_eb_n, axis=1) - 230.0) < 7.0)  # m/s
+
+
+FINE = 777.0 + 0.001 * np.arange(1000)  # s
+
+
+def added(shaken: truth.Motion, plain: truth.Motion) -> tuple[np.ndarray, ...]:
+    """Specific force in n, roll and pitch that `shaken` has over `plain`."""
+    states = shaken.state(FINE), plain.state(FINE)
+    forces = shaken.rates(FINE).f_ib_b, plain.rates(FINE).f_ib_b
+    f_n = [np.einsum("kij,kj->ki", s.C_nb, f) for s, f in zip(states, forces, strict=True)]
+    return f_n[0] - f_n[1], states[0].roll - states[1].roll, states[0].pitch - states[1].pitch
+
+
+def test_vibration_is_in_phase_with_the_rotation_that_makes_it_scull():
+    f_n, roll, pitch = added(MOTIONS["vibrating"], MOTIONS["turning"])
+    wave = np.sin(20.0 * np.pi * FINE)
     # 1 m/s^2 by design; a swaying speed of 16 mm/s moves the Coriolis term by 2 um/s^2.
-    np.testing.assert_allclose(north, np.sin(20.0 * np.pi * fine), atol=1e-5)
+    np.testing.assert_allclose(f_n[:, 0], wave, atol=1e-5)
+    # rad: the phases of 1e5 rad used here are rounded to 1.5e-11, times 2e-3 rad.
+    np.testing.assert_allclose(roll, np.radians(0.1) * wave, atol=1e-12)
+    np.testing.assert_allclose(pitch, np.radians(0.1) * np.cos(20.0 * np.pi * FINE), atol=1e-12)
+
+    f_n, roll, pitch = added(MOTIONS["airliner"], truth.airliner())
+    wave = np.sin(30.0 * np.pi * FINE)
+    # 1 m/s^2; a heaving speed of 11 mm/s moves the Coriolis term by 2 um/s^2, the height of
+    # 0.1 mm gravity by 0.3 nm/s^2.
+    np.testing.assert_allclose(-f_n[:, 2], wave, atol=1e-5)
+    cone = 40.0 * np.pi * FINE
+    np.testing.assert_allclose(roll, np.radians(0.05) * (wave + np.sin(cone)), atol=1e-12)
+    np.testing.assert_allclose(pitch, np.radians(0.05) * (wave + np.cos(cone)), atol=1e-12)
 
 
 def test_start_from_rest_is_still_and_joins_the_base():
