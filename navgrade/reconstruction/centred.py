@@ -179,6 +179,31 @@ def _triples(theta, vel, column):
     )
 
 
+@formula
+def _fold(equal, x, k, size, out, column):
+    """Apply equal-interval weights to `size` numbers from row `k` of `x` on.
+
+    Weights of odd orders are odd, of even orders even, so the window folds in half.
+    """
+    half = equal.shape[1] // 2
+    for c in range(size):
+        out[0, column + c] = 0.0
+        out[1, column + c] = equal[1, half] * x[3 * k + c]
+        out[2, column + c] = 0.0
+        out[3, column + c] = equal[3, half] * x[3 * k + c]
+    for j in range(1, half + 1):
+        w1, w2 = equal[0, half + j], equal[1, half + j]
+        w3, w4 = equal[2, half + j], equal[3, half + j]
+        later, earlier = 3 * (k + j), 3 * (k - j)
+        for c in range(size):
+            odd = x[later + c] - x[earlier + c]
+            even = x[later + c] + x[earlier + c]
+            out[0, column + c] += w1 * odd
+            out[1, column + c] += w2 * even
+            out[2, column + c] += w3 * odd
+            out[3, column + c] += w4 * even
+
+
 @kernel
 def _reconstruct(window, equal, gauss, slopes, bits, dt, dtheta, dvel, first, phi, dv, dr, status):
     short, shifted = bits
@@ -199,33 +224,30 @@ def _reconstruct(window, equal, gauss, slopes, bits, dt, dtheta, dvel, first, ph
         k0, k1 = first + begin, first + end
         last = k1 - 1 + half
         regular = k0 >= half and last < n and even[last] >= k1 - 1 - k0 + 2 * half
-        a[:] = 0.0
-        b[:] = 0.0
         if regular:
-            size = 3 * (end - begin)
-            for m in range(ORDERS):
-                for j in range(window):
-                    w = equal[m, j]
-                    shift = 3 * (k0 - half + j)
-                    for c in range(size):
-                        a[m, c] += w * theta[shift + c]
-                        b[m, c] += w * vel[shift + c]
+            _fold(equal, theta, k0, 3 * (end - begin), a, 0)
+            _fold(equal, vel, k0, 3 * (end - begin), b, 0)
         else:
             for k in range(k0, k1):
                 low = min(max(k - half, 0), n - count)
-                is_even = count == window and k - low == half and even[low + count - 1] >= 2 * half
                 if count < window:
                     status[k - first] |= short
                 elif k - low != half:
                     status[k - first] |= shifted
-                if not is_even:
-                    solve_weights(dt, low, count, k, gauss, slopes, knots, inverse, weights)
+                column = 3 * (k - k0)
+                if count == window and k - low == half and even[k + half] >= 2 * half:
+                    _fold(equal, theta, k, 3, a, column)
+                    _fold(equal, vel, k, 3, b, column)
+                    continue
+                solve_weights(dt, low, count, k, gauss, slopes, knots, inverse, weights)
                 for m in range(ORDERS):
+                    for i in range(3):
+                        a[m, column + i] = 0.0
+                        b[m, column + i] = 0.0
                     for j in range(count):
-                        w = equal[m, j] if is_even else weights[m, j]
                         for i in range(3):
-                            a[m, 3 * (k - k0) + i] += w * theta[3 * (low + j) + i]
-                            b[m, 3 * (k - k0) + i] += w * vel[3 * (low + j) + i]
+                            a[m, column + i] += weights[m, j] * theta[3 * (low + j) + i]
+                            b[m, column + i] += weights[m, j] * vel[3 * (low + j) + i]
         for k in range(k0, k1):
             row, column = k - first, 3 * (k - k0)
             phi_k, dv_k, dr_k = motion(

@@ -9,8 +9,9 @@ from mpmath import mp
 from numpy.typing import NDArray
 
 from earth import WGS84, DisturbanceGrid, gravity_n
+from earth._jit import uncached
 from earth.disturbance import grid_disturbance
-from earth.gravity import gravity, gravity_field, needs_place
+from earth.gravity import _gravity_rows, gravity, gravity_field, kernel_for, needs_place
 from tests.earth import exact
 from tests.oracles.gravity import normal_gravity_zonal
 
@@ -164,6 +165,13 @@ def test_plain_and_compiled_functions_agree(choice: dict[str, Callable[..., obje
         np.testing.assert_allclose(plain, compiled, rtol=0.0, atol=ROUNDING)
 
 
+def test_only_functions_take_a_kernel_off_the_disk() -> None:
+    for kept in (gravity_field(), gravity_field("somigliana"), gravity_field(disturbance=REGION)):
+        assert kernel_for(_gravity_rows, kept) is _gravity_rows
+    for own in (gravity_field(own_gravity), gravity_field(disturbance=own_disturbance)):
+        assert kernel_for(_gravity_rows, own) is uncached(_gravity_rows)
+
+
 def test_a_disturbance_is_a_function_or_a_grid() -> None:
     with pytest.raises(TypeError, match=r"must be a function .* or a DisturbanceGrid, got str"):
         gravity_field(disturbance="egm2008.csv")  # type: ignore[arg-type]  # the point of the test
@@ -234,6 +242,21 @@ def test_on_the_nodes_it_is_the_node_borders_and_corners_included() -> None:
 def test_outside_it_is_not_a_number(lat: float, lon: float) -> None:
     assert np.isnan(on(REGION, lat, lon)).all()
     assert np.isnan(gravity_n(lat, lon, 0.0, disturbance=REGION)).all()
+
+
+def test_rounding_does_not_push_a_border_outside() -> None:
+    rng = np.random.default_rng(5)
+    zero = np.zeros((7, 11))
+    for south, west, step in zip(
+        rng.uniform(-80, 60, 100),
+        rng.uniform(-180, 180, 100),
+        rng.uniform(0.01, 3, 100),
+        strict=True,
+    ):
+        lat, lon = (south + step * np.arange(7)) * DEG, (west + step * np.arange(11)) * DEG
+        grid = DisturbanceGrid(lat, lon, zero, zero, zero)
+        for y, x in ((0, 0), (0, -1), (-1, 0), (-1, -1)):
+            assert on(grid, lat[y], lon[x]) == (0.0, 0.0, 0.0)
 
 
 def test_a_place_outside_does_not_touch_its_neighbours() -> None:
