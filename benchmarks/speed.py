@@ -7,11 +7,12 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 
-from navgrade import navigate, write_increments
+from navgrade import NavState, navigate, solve, write_increments
 from navgrade.imu import ImuSamples
 from tests.navgrade.engine import samples, state_at
 from tests.oracles.truth import turning_vehicle
@@ -56,6 +57,50 @@ def kernel_ratio() -> list[str]:
 
 def _line(name: str, values: list[float], form: str) -> str:
     return f"  {name:<48}{min(values):7{form}} {statistics.median(values):7{form}}"
+
+
+def long_log() -> list[str]:
+    """A day at 1 kHz streamed through the engine: cost per increment, and memory."""
+    code = (
+        "import sys, time; from benchmarks.speed import stream\n"
+        "began = time.perf_counter(); stream(int(sys.argv[1]))\n"
+        "status = open('/proc/self/status').read()\n"
+        "print(time.perf_counter() - began, status.split('VmHWM:')[1].split()[0])"
+    )
+    lines = ["increments of 1 ms streamed through centred-9, frame n:"]
+    for count in (1_000_000, 10_000_000, 86_400_000):
+        done = subprocess.run(
+            [sys.executable, "-c", code, str(count)], check=True, capture_output=True, text=True
+        )
+        seconds, kilobytes = done.stdout.split()
+        lines.append(
+            f"  {count:>11,}: {float(seconds):6.2f} s, {float(seconds) / count * 1e9:5.0f} ns each, "
+            f"peak {int(kilobytes) / 1024:.0f} MB"
+        )
+    return lines
+
+
+def stream(count: int) -> None:
+    """Navigate `count` increments of a base at rest, in blocks, keeping nothing."""
+    block = 65_536
+    rng = np.random.default_rng(1)
+    gyro = 1e-6 * rng.standard_normal((block, 3))
+    accel = 1e-6 * rng.standard_normal((block, 3)) + np.array([0.0, 0.0, -9.79e-3])
+    steps = 1e-3 * np.arange(1, block + 1)
+
+    def blocks() -> Iterator[ImuSamples]:
+        for start in range(0, count, block):
+            n = min(block, count - start)
+            yield ImuSamples(
+                t=start * 1e-3 + steps[:n],
+                dt=np.full(n, 1e-3),
+                gyro=gyro[:n],
+                accel=accel[:n],
+                kind="increment",
+            )
+
+    rows = sum(len(part) for part in solve(blocks(), NavState(0.5, 0.1, 0.0), vertical="hold"))
+    assert rows == count
 
 
 def startup() -> list[str]:

@@ -1,200 +1,497 @@
-"""Body increments against closed forms; the Earth is not here."""
+"""Body increments against closed forms and power series; the Earth is not here.
+
+Pure coning, sculling and SPIN-CONE of every algorithm are in test_coning, the declared orders
+over seconds of motion in test_orders, gaps and the ends of a log in test_stretches.
+"""
 
 from __future__ import annotations
 
+import dataclasses
 from fractions import Fraction
 from math import comb
 
 import numpy as np
 import pytest
 from mpmath import mp, mpf
+from numpy.typing import NDArray
+from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 from navgrade import ImuSamples
-from navgrade.reconstruction import RECONSTRUCTIONS, reconstruct, to_increments
-from navgrade.reconstruction.causal import coning_weights
+from navgrade.reconstruction import RECONSTRUCTIONS, centred, coning, stream, to_increments
+from navgrade.reconstruction.stream import BlockForm
+from tests.navgrade.body import Polynomial, log_of, rebuilt, same_bits, varied_log
 
-COMPENSATED = [name for name in RECONSTRUCTIONS if name != "none"]
+Array = NDArray[np.float64]
+
+CORRECTED = [name for name in RECONSTRUCTIONS if name != "none"]
+WINDOWS = [int(name.split("-")[1]) for name in RECONSTRUCTIONS if name.startswith("centred")]
+EPS = 2.0**-53  # relative: half a unit in the last place, one rounding
+
+# ---- coning weights ----------------------------------------------------------------------------
+
+PREVIOUS = {  # Ignagni 1996
+    1: "1/12",
+    2: "7/60 -1/60",
+    3: "113/840 -13/420 1/280",
+    4: "367/2520 -53/1260 1/120 -1/1260",
+}
+BLOCK = {2: "2/3", 3: "27/20 9/20", 4: "214/105 92/105 54/105"}  # Miller 1983; Lee et al. 1990
 
 
-def body(name: str, dt: np.ndarray, dtheta: np.ndarray, dvel: np.ndarray):
-    """Reconstruct one block; return phi and dv."""
-    t = np.cumsum(dt)
-    block = ImuSamples(t=t, dt=dt, gyro=dtheta, accel=dvel, kind="increment")
-    (out,) = reconstruct([block], name)
-    return out.phi, out.dv
+def fractions(text: str) -> list[float]:
+    """The numbers nearest to these fractions."""
+    return [float(Fraction(part)) for part in text.split()]
 
 
-def coning_increments(a: float, f: float, edges: np.ndarray) -> np.ndarray:
-    """Integrals of the rate of pure coning with half-angle a (rad) at f (Hz).
+def weights_in(name: str, dt: Array, count: int) -> Array:
+    """Coning weights of the last interval, seen from outside.
 
-    omega = (-W sin a sin Wt, W sin a cos Wt, -2 W sin^2(a/2)), W = 2 pi f.
+    With theta_k along z and theta_{k-m} along x, the y component of phi is -c_m.
     """
-    W = 2 * np.pi * f
-    x = np.sin(a) * np.cos(W * edges)
-    y = np.sin(a) * np.sin(W * edges)
-    z = -2 * W * np.sin(a / 2) ** 2 * edges
-    return np.diff(np.stack([x, y, z], axis=-1), axis=0)
+    weights = []
+    for m in range(1, count + 1):
+        gyro = np.zeros((len(dt), 3))
+        gyro[-1, 2] = gyro[-1 - m, 0] = 1.0
+        log = ImuSamples(t=np.cumsum(dt), dt=dt, gyro=gyro, accel=0.0 * gyro, kind="increment")
+        weights.append(-rebuilt(log, name).phi[-1, 1])
+    return np.array(weights)
 
 
-CLASSICAL = {
-    "none": (),
-    "causal-1": (Fraction(1, 12),),
-    "causal-3": (Fraction(113, 840), Fraction(-13, 420), Fraction(1, 280)),
+def solved_weights(dt: Array, count: int, span: float) -> Array:
+    """Coning weights of the last interval from the equations for any intervals."""
+    weights = np.zeros(coning.MOST)
+    scratch = np.empty((coning.MOST, coning.MOST + 1))
+    coning.solve_weights(dt, len(dt) - 1, count, span, scratch, weights)
+    return weights[:count]
+
+
+def matched_weights(dt: Array, count: int, first: int) -> Array:
+    """Weights of the `count` samples before the last that match pure coning, in 60 digits.
+
+    The update begins with sample `first`. With the rate a W (-sin W t, cos W t) in the x-y plane,
+    its rotation about z is a^2 (W T - sin W T) / 2; the products of the increments must add up to
+    that as power series in W, as far as there are weights.
+    """
+    with mp.workdps(60):
+        edges = [mpf(0)]
+        for step in dt:
+            edges.append(edges[-1] + mpf(float(step)))
+        length = edges[-1] - edges[first]
+
+        def product(m: int, W: mpf) -> mpf:
+            x, y = ([f(W * e) for e in edges] for f in (mp.cos, mp.sin))
+            i, k = len(dt) - 1 - m, len(dt) - 1
+            return (x[i + 1] - x[i]) * (y[k + 1] - y[k]) - (y[i + 1] - y[i]) * (x[k + 1] - x[k])
+
+        def odd(series: list[mpf]) -> list[mpf]:
+            return series[3::2]
+
+        powers = 2 * count + 1
+        wanted = odd(mp.taylor(lambda W: (W * length - mp.sin(W * length)) / 2, 0, powers))
+        columns = [
+            odd(mp.taylor(lambda W, m=m: product(m, W), 0, powers)) for m in range(1, count + 1)
+        ]
+        found = mp.lu_solve(mp.matrix(columns).T, mp.matrix(wanted))
+        return np.array([float(x) for x in found])
+
+
+@pytest.mark.parametrize("count", PREVIOUS)
+def test_causal_weights_are_the_classical_ones(count: int) -> None:
+    assert coning.EQUAL_PREVIOUS[count, :count].tolist() == fractions(PREVIOUS[count])
+    dt = np.full(5, 0.01)
+    expected = fractions(PREVIOUS[count])
+    # rounding of a system whose condition number is below 1e4
+    np.testing.assert_allclose(solved_weights(dt, count, dt[-1]), expected, rtol=1e-12)
+    assert weights_in(f"causal-{count}", dt, count).tolist() == expected
+
+
+@pytest.mark.parametrize("samples", BLOCK)
+def test_block_weights_are_the_classical_ones(samples: int) -> None:
+    count = samples - 1
+    assert coning.EQUAL_BLOCK[count, :count].tolist() == fractions(BLOCK[samples])
+    dt = np.full(samples, 0.01)
+    expected = fractions(BLOCK[samples])
+    np.testing.assert_allclose(solved_weights(dt, count, dt.sum()), expected, rtol=1e-12)
+    assert weights_in(f"samples-{samples}", dt, count).tolist() == expected
+
+
+@pytest.mark.parametrize("share", [3e-8, 1e-6])
+@pytest.mark.parametrize("name", [*(f"causal-{n}" for n in PREVIOUS), "samples-3", "samples-4"])
+def test_weights_change_smoothly_where_intervals_cease_to_be_equal(name: str, share: float) -> None:
+    family, size = name.split("-")
+    count = int(size) if family == "causal" else int(size) - 1
+    dt = 0.01 * (1.0 + share * np.array([1.0, -1.0, 0.5, 1.0, -0.7])[-count - 1 :])
+    expected = fractions((PREVIOUS if family == "causal" else BLOCK)[int(size)])
+    off = np.abs(weights_in(name, dt, count) - expected).max()
+    # the weights are functions of the ratios with slopes of 0.1 to 10
+    assert 0.01 * share < off < 10.0 * share
+
+
+@pytest.mark.parametrize(("h1", "h2"), [(0.003, 0.01), (0.006, 0.004), (0.01, 0.0011)])
+def test_two_intervals_of_different_length(h1: float, h2: float) -> None:
+    """The closed forms for one previous sample and for a block of two."""
+    dt = np.array([h1, h2])
+    (before,), (inside,) = weights_in("causal-1", dt, 1), weights_in("samples-2", dt, 1)
+    # rounding
+    assert before == pytest.approx(h2**2 / (6.0 * h1 * (h1 + h2)), rel=1e-14)
+    assert inside == pytest.approx((h1 + h2) ** 2 / (6.0 * h1 * h2), rel=1e-14)
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("name", ["causal-2", "causal-3", "causal-4", "samples-3", "samples-4"])
+def test_weights_of_uneven_intervals_match_pure_coning(name: str, seed: int) -> None:
+    family, size = name.split("-")
+    count = int(size) if family == "causal" else int(size) - 1
+    dt = np.random.default_rng(seed).uniform(0.4, 1.6, count + 1)
+    expected = matched_weights(dt, count, count if family == "causal" else 0)
+    # rounding of the solution, whose weights reach a hundred where a short sample is in between
+    scale = np.abs(expected).max()
+    np.testing.assert_allclose(weights_in(name, dt, count), expected, rtol=0, atol=1e-11 * scale)
+
+
+# ---- Legendre coefficients of a centred window ---------------------------------------------------
+
+
+def legendre_coefficient(m: int, power: int) -> Fraction:
+    """Coefficient a_m of s^power on [0, 1], in the polynomials P_m(2 s - 1)."""
+    integral = sum(
+        Fraction((-1) ** (m + k) * comb(m, k) * comb(m + k, k), power + k + 1) for k in range(m + 1)
+    )
+    return (2 * m + 1) * integral
+
+
+def worst_rounding(weights: Array, knots: list[Fraction]) -> Fraction:
+    """Largest error of a_1 ... a_4 over all powers s^d the window carries, in rational numbers.
+
+    Relative to the sum of the increments without their signs, each times its weight or one;
+    `knots` bound the intervals, in units of the current one, which reaches from 0 to 1.
+    """
+    worst = Fraction(0)
+    for power in range(len(knots) - 1):
+        at = [knot ** (power + 1) / (power + 1) for knot in knots]
+        for m, row in enumerate(weights, start=1):
+            error, size = -legendre_coefficient(m, power), Fraction(0)
+            for w, begin, end in zip(map(Fraction, row.tolist()), at[:-1], at[1:], strict=True):
+                error += w * (end - begin)
+                size += max(abs(w), 1) * abs(end - begin)
+            worst = max(worst, abs(error) / size)
+    return worst
+
+
+def legendre_weights(dt: Array, low: int, count: int, k: int) -> Array:
+    """Weights for any intervals, of samples `low` to `low + count` for sample `k`."""
+    weights = np.empty((centred.ORDERS, count))
+    knots, inverse = np.empty(count + 1), np.empty(count + 1)
+    centred.solve_weights(
+        dt, low, count, k, centred._GAUSS, centred._SLOPES, knots, inverse, weights
+    )
+    return weights
+
+
+@pytest.mark.parametrize("window", WINDOWS)
+def test_equal_weights_give_the_legendre_coefficients_of_every_polynomial(window: int) -> None:
+    half = window // 2
+    knots = [Fraction(j - half) for j in range(window + 1)]
+    # each weight is the exact fraction, rounded once
+    assert worst_rounding(centred.equal_weights(window), knots) <= EPS
+
+
+@pytest.mark.parametrize("window", WINDOWS)
+def test_weights_of_equal_intervals_agree_on_both_paths(window: int) -> None:
+    solved = legendre_weights(np.full(20, 0.01), 3, window, 3 + window // 2)
+    # rounding of a few dozen operations on numbers of size 10
+    np.testing.assert_allclose(solved, centred.equal_weights(window), rtol=0, atol=1e-13)
+
+
+@pytest.mark.parametrize("count", range(1, 16))
+def test_solved_weights_give_the_legendre_coefficients_of_every_polynomial(count: int) -> None:
+    """Uneven intervals, the current one anywhere in the window, windows of any length."""
+    rng = np.random.default_rng(count)
+    for place in range(count):
+        dt = rng.uniform(0.004, 0.016, count + 3)
+        low, k = 2, 2 + place
+        # weights depend on the intervals as rounded, and so does the truth
+        unit = Fraction(float(dt[k]))
+        edges = [Fraction(0)]
+        for step in dt[low : low + count].tolist():
+            edges.append(edges[-1] + Fraction(step) / unit)
+        knots = [edge - edges[place] for edge in edges]
+        # rounding of products of up to 15 differences, relative to the sizes that cancel
+        assert worst_rounding(legendre_weights(dt, low, count, k), knots) < 2e-13
+
+
+# ---- motion ------------------------------------------------------------------------------------
+
+
+def off(motion: Polynomial, edges: Array, name: str, rows: list[int]) -> Array:
+    """Largest error of C, dv and dr in rows of a log, (rows, cases, 3): rad, m/s and m."""
+    found = [rebuilt(log, name) for log in motion.logs(edges)]
+    errors = []
+    for row in rows:
+        end, length = found[0].t[row], found[0].dt[row]
+        C, dv, dr = motion.moved(end - length, length)
+        turned = Rotation.from_rotvec([one.phi[row] for one in found]).as_matrix()
+        errors.append(
+            [
+                np.abs(turned - C).max(axis=(1, 2)),
+                np.abs(np.array([one.dv[row] for one in found]) - dv).max(axis=1),
+                np.abs(np.array([one.dr[row] for one in found]) - dr).max(axis=1),
+            ]
+        )
+    return np.moveaxis(np.array(errors), 1, 2)
+
+
+def test_truth_solves_the_differential_equation() -> None:
+    """The power series against an adaptive integration, at 1.5 rad and more per interval."""
+    motion = Polynomial.random(4, 1)
+
+    def slope(t: float, state: Array) -> Array:
+        C = state[:9].reshape(3, 3)
+        rate, force = (
+            np.polynomial.polynomial.polyval(t, c[:, 0]) for c in (motion.rate, motion.force)
+        )
+        skew = np.cross(np.eye(3), rate)
+        return np.concatenate([(C @ skew).ravel(), C @ force, state[9:12]])
+
+    begin = np.concatenate([np.eye(3).ravel(), np.zeros(6)])
+    done = solve_ivp(slope, (-0.3, 1.2), begin, "DOP853", rtol=1e-13, atol=1e-14)
+    C, dv, dr = motion.moved(-0.3, 1.5)
+    # a hundred steps of 1e-14 of the largest value, 10
+    np.testing.assert_allclose(np.concatenate([C.ravel(), dv[0], dr[0]]), done.y[:, -1], atol=1e-11)
+
+
+def centred_edges(window: int, h: float) -> Array:
+    """Edges of a window whose middle sample has its middle at zero."""
+    return h * (np.arange(window + 1) - 0.5 * window)
+
+
+@pytest.mark.parametrize("window", WINDOWS)
+def test_motion_of_a_centred_window(window: int) -> None:
+    """Two hundred motions, 0.01 to 1 rad per interval: only the truncated series is left.
+
+    It leaves the seventh power of the interval in phi and dv, and the fifth in dr.
+    """
+    motion = Polynomial.random(min(window - 1, 6), 30)
+    errors = {}
+    for h in (1.0, 0.5, 0.25, 0.125, 0.03, 0.01):
+        (row,) = off(motion, centred_edges(window, h), f"centred-{window}", [window // 2])
+        # half as much again as the worst of these motions
+        limit = [0.025 * h**7, 0.7 * h**7, 4.0 * h**5]
+        # rounding: of a matrix, of 10 m/s^2 times h
+        rounding = [2e-15, 2e-14 * h, 2e-14 * h**2]
+        assert np.all(row < np.add(limit, rounding)), h
+        errors[h] = row.mean(axis=0)
+    # 0.1: the next power still shows
+    np.testing.assert_allclose(np.log2(errors[0.25] / errors[0.125]), [7.0, 7.0, 5.0], atol=0.1)
+
+
+@pytest.mark.parametrize("count", [1, 2, 3, 4, 5, 6, 8, 9, 14, 15, 17])
+@pytest.mark.parametrize("window", [3, 9, 15])
+def test_every_window_carries_its_polynomial(window: int, count: int) -> None:
+    """A log of `count` uneven samples: windows that moved aside or are short are as good.
+
+    A polynomial of the degree the window carries is seen without error, wherever the row lies.
+    """
+    h = 0.02
+    motion = Polynomial.random(min(window, count) - 1, 3)
+    steps = np.random.default_rng(count).uniform(0.5, 1.5, count) * h
+    edges = np.concatenate([[0.0], np.cumsum(steps)]) - 0.5 * steps.sum()
+    errors = off(motion, edges, f"centred-{window}", list(range(count)))
+    # the truncated series at the longest interval; rounding, enlarged by the weights at the ends
+    h_max, amplified = 1.5 * h, 2e-13
+    limit = [0.1 * h_max**7, 3.0 * h_max**7, 20.0 * h_max**5]
+    rounding = [amplified * h, 10.0 * amplified * h, 10.0 * amplified * h**2]
+    assert np.all(errors < np.add(limit, rounding))
+
+
+UNEVEN = {
+    "6 ms and 4 ms": np.tile([1.2, 0.8], 10),
+    "random": np.random.default_rng(3).uniform(0.4, 1.6, 20),
 }
 
 
-def uncorrected_share(name: str, lam: mpf) -> mpf:
-    """What an algorithm leaves of the second-order coning integral, per interval.
+@pytest.mark.parametrize("pattern", UNEVEN)
+@pytest.mark.parametrize("name", RECONSTRUCTIONS)
+def test_uneven_intervals_keep_the_order(name: str, pattern: str) -> None:
+    """One update leaves one power more than the whole: half the interval, 2^-(order + 1)."""
+    motion = Polynomial.random(4, 20)
+    chosen = RECONSTRUCTIONS[name]
+    place = 20 // chosen.samples // 2 if isinstance(chosen, BlockForm) else 10
+    edges = np.concatenate([[0.0], np.cumsum(UNEVEN[pattern])])
+    edges -= edges[10]
+    errors = [off(motion, h * edges, name, [place]).mean(axis=(0, 1)) for h in (0.04, 0.02)]
+    attitude, velocity, position = np.log2(errors[0] / errors[1])
+    # 0.15: the next power still shows
+    assert min(attitude, velocity) == pytest.approx(chosen.order + 1, abs=0.15)
+    # a force that stands still in b leaves the third power, a polynomial at best the fifth
+    assert position == pytest.approx(np.clip(chosen.order, 2, 4) + 1, abs=0.15)
 
-    (lambda - sin lambda) - 4 (1 - cos lambda) sum_m k_m sin(m lambda), in 50 digits.
+
+# ---- constant rate and force -------------------------------------------------------------------
+
+AXIS = np.array([0.36, 0.48, -0.8])
+FORCE = np.array([1.0, -9.0, 3.0])  # m/s^2
+
+
+def steady(name: str, angle: float, dt: Array):
+    """Rows of a constant rate and force, and the true phi, dv and dr.
+
+    `angle` is the turn over an interval of 0.02 s.
     """
-    with mp.workdps(50):
-        lam = mpf(lam)
-        terms = sum(
-            mpf(k.numerator) / k.denominator * mp.sin((m + 1) * lam)
-            for m, k in enumerate(CLASSICAL[name])
-        )
-        return lam - mp.sin(lam) - 4 * (1 - mp.cos(lam)) * terms
-
-
-@pytest.mark.parametrize("name", RECONSTRUCTIONS)
-def test_declared_coning_order(name: str) -> None:
-    """The share left is 2 lambda^(2n+1) / [(n+1) C(2n+2, n+1)], n = previous samples + 1."""
-    terms = RECONSTRUCTIONS[name].previous + 1
-    lam = mpf("0.001")
-    leading = 2 * lam ** (2 * terms + 1) / ((terms + 1) * comb(2 * terms + 2, terms + 1))
-    # 1e-5: the next power of lambda is about lambda^2 of the leading one
-    assert float(uncorrected_share(name, lam) / leading) == pytest.approx(1.0, abs=1e-5)
-    assert RECONSTRUCTIONS[name].coning_order == 2 * terms
-
-
-@pytest.mark.parametrize("name", RECONSTRUCTIONS)
-def test_coning_drift(name: str) -> None:
-    """The drift about the cone's axis is a^2 / 2 of that share per interval."""
-    a, f, h, n = 0.02 * np.pi / 180, 10.0, 0.01, 20_000
-    edges = np.arange(n + 1) * h
-    phi, _ = body(name, np.full(n, h), coning_increments(a, f, edges), np.zeros((n, 3)))
-    W = 2 * np.pi * f
-    first = 4  # samples with fewer predecessors are not of the class
-    q = np.array([1.0, 0, 0, 0])
-    for w, x, y, z in Rotation.from_rotvec(phi[first:]).as_quat(scalar_first=True):
-        q = np.array(
-            [
-                q[0] * w - q[1] * x - q[2] * y - q[3] * z,
-                q[0] * x + q[1] * w + q[2] * z - q[3] * y,
-                q[0] * y - q[1] * z + q[2] * w + q[3] * x,
-                q[0] * z + q[1] * y - q[2] * x + q[3] * w,
-            ]
-        )
-    start, end = (
-        Rotation.from_rotvec(a * np.array([np.cos(W * t), np.sin(W * t), 0.0]))
-        for t in (edges[first], edges[-1])
+    rate = AXIS * angle / 0.02
+    log = ImuSamples(
+        t=np.cumsum(dt),
+        dt=dt,
+        gyro=np.outer(dt, rate),
+        accel=np.outer(dt, FORCE),
+        kind="increment",
     )
-    drift = (start.inv() * end).inv() * Rotation.from_quat(q, scalar_first=True)
-    rate = drift.as_rotvec()[2] / ((n - first) * h)
-    expected = -0.5 * a**2 * float(uncorrected_share(name, W * h)) / h
-    # 0.2 %: the a^4 terms are 1e-7 of a^2; rounding of 20,000 products is 1e-14 rad of 3e-8
-    assert rate == pytest.approx(expected, rel=2e-3)
+    rows = rebuilt(log, name)
+    x, w = np.polynomial.legendre.leggauss(30)
+    s, w = 0.5 * (1.0 + x), 0.5 * w
+    nodes = np.multiply.outer(np.outer(rows.dt, s), rate).reshape(-1, 3)
+    turned = Rotation.from_rotvec(nodes).apply(FORCE).reshape(len(rows), len(s), 3)
+    dv = rows.dt[:, None] * np.einsum("m,nmi->ni", w, turned)
+    dr = rows.dt[:, None] ** 2 * np.einsum("m,nmi->ni", w * (1.0 - s), turned)
+    return rows, np.outer(rows.dt, rate), dv, dr
 
 
-@pytest.mark.parametrize("name", COMPENSATED)
-@pytest.mark.parametrize("pattern", [(0.006, 0.004), (0.003, 0.005, 0.009, 0.004)])
-def test_uneven_coning_falls_with_the_same_power(name: str, pattern: tuple[float, ...]) -> None:
-    """Uneven intervals keep the order: halving them cuts the drift 2^order times."""
-    a, f = 1e-5, 10.0  # rad, Hz: so small that the a^4 terms stay out of sight
-    drifts = []
-    for scale in (1.0, 0.5):
-        dt = np.tile(pattern, 400) * scale
-        edges = np.concatenate([[0.0], np.cumsum(dt)])
-        phi, _ = body(name, dt, coning_increments(a, f, edges), np.zeros((len(dt), 3)))
-        # the mean of the exact rotation vector about z, to second order in a, is -a^2 sin(W h)/2
-        W = 2 * np.pi * f
-        exact = -0.5 * a**2 * np.sin(W * dt)
-        drifts.append(abs((phi[8:, 2] - exact[8:]).sum()) / edges[-1])
-    order = np.log2(drifts[0] / drifts[1])
-    # 0.5: at lambda = 0.38 the next power of lambda still shows
-    assert order > RECONSTRUCTIONS[name].coning_order - 0.5
+EVEN_STEPS = np.full(24, 0.02)  # s
+UNEVEN_STEPS = np.random.default_rng(1).uniform(0.01, 0.03, 24)  # s
 
 
-@pytest.mark.parametrize("name", COMPENSATED)
-def test_sculling(name: str) -> None:
-    """Rotation about x in phase with force along y: the same share, by duality."""
-    a, c, f, h, n = 1e-3, 2.0, 10.0, 0.01, 1000
-    W, lam = 2 * np.pi * f, 2 * np.pi * f * h
-    edges = np.arange(n + 1) * h
-    dtheta = np.zeros((n, 3))
-    dvel = np.zeros((n, 3))
-    dtheta[:, 0] = np.diff(a * np.sin(W * edges))
-    dvel[:, 1] = np.diff(-c / W * np.cos(W * edges))
-    _, dv = body(name, np.full(n, h), dtheta, dvel)
-    # exact second-order rectification along z: integral of (theta - theta_start) c sin(W t)
-    exact = (
-        0.5 * a * c * h
-        - a * c * np.sin(W * edges[:-1]) * (np.cos(W * edges[:-1]) - np.cos(W * edges[1:])) / W
-        - a * c * (np.sin(2 * W * edges[1:]) - np.sin(2 * W * edges[:-1])) / (4 * W)
-    )
-    residual = np.mean(dv[4:, 2] - exact[4:]) / h
-    expected = -0.5 * a * (c / W) * float(uncorrected_share(name, lam)) / h
-    # 0.2 %: the a^3 terms are 1e-6 of it, and the mean runs over whole periods
-    assert residual == pytest.approx(expected, rel=2e-3)
+@pytest.mark.parametrize("dt", [EVEN_STEPS, UNEVEN_STEPS], ids=["even", "uneven"])
+@pytest.mark.parametrize("angle", [1e-9, 1e-4, 0.2, 0.3, 1.0])
+@pytest.mark.parametrize("name", CORRECTED)
+def test_constant_rate_and_force_are_exact(name: str, angle: float, dt: Array) -> None:
+    rows, phi, dv, _ = steady(name, angle, dt)
+    # rounding: of 4 rad in a block of four, of 10 m/s^2 times its length; of sums with weights
+    np.testing.assert_allclose(rows.phi, phi, rtol=0, atol=2e-14 * angle)
+    np.testing.assert_allclose(rows.dv, dv, rtol=0, atol=3e-15)
 
 
-@pytest.mark.parametrize("name", COMPENSATED)
-@pytest.mark.parametrize("angle", [1e-9, 1e-4, 0.2, 0.3, 3.0])
-def test_constant_rate_and_force_are_exact(name: str, angle: float) -> None:
-    """A constant rate under a constant force: the integral of C(t) f in closed form."""
-    axis = np.array([0.36, 0.48, -0.8])
-    f = np.array([1.0, -9.0, 3.0])
-    h = 0.02
-    n = 6
-    phi, dv = body(name, np.full(n, h), np.tile(axis * angle, (n, 1)), np.tile(f * h, (n, 1)))
-    x, w = np.polynomial.legendre.leggauss(20)
-    nodes = 0.5 * (1 + x)
-    exact = (
-        h
-        * 0.5
-        * np.einsum("k,ki->i", w, Rotation.from_rotvec(np.outer(nodes, axis * angle)).apply(f))
-    )
-    np.testing.assert_allclose(phi, np.tile(axis * angle, (n, 1)), rtol=1e-15)
-    np.testing.assert_allclose(dv, np.tile(exact, (n, 1)), atol=2e-16 * 10)  # m/s: rounding
+@pytest.mark.parametrize("angle", [1e-9, 1e-4, 0.1, 1.0])
+@pytest.mark.parametrize("window", WINDOWS)
+def test_displacement_of_centred_windows_under_a_constant_rate(window: int, angle: float) -> None:
+    """Exact to 0.1 rad per interval; beyond, the series of its last factor leaves |phi|^8/10!."""
+    rows, phi, _, dr = steady(f"centred-{window}", angle, EVEN_STEPS)
+    series = 0.02**2 * np.linalg.norm(FORCE) * np.linalg.norm(phi[0]) ** 8 / 3628800.0
+    # m: rounding of 10 m/s^2 times the square of 0.02 s, and the series
+    np.testing.assert_allclose(rows.dr, dr, rtol=0, atol=1e-17 + 1.1 * series)
 
 
-def test_weights_are_the_classical_ones() -> None:
-    """Equal intervals give 1/12; 7/60, -1/60; 113/840, -13/420, 1/280 (Ignagni 1996)."""
-    even = np.full(4, 0.01)
-    uneven_path = even * (1 + 3e-8 * np.array([1, -1, 1, -1]))
-    for dt, tolerance in ((even, 0), (uneven_path, 1e-5)):
-        np.testing.assert_allclose(coning_weights(dt, 3, 1), (1 / 12, 0, 0), atol=tolerance)
-        np.testing.assert_allclose(coning_weights(dt, 3, 2), (7 / 60, -1 / 60, 0), atol=tolerance)
-        np.testing.assert_allclose(
-            coning_weights(dt, 3, 3), (113 / 840, -13 / 420, 1 / 280), atol=tolerance
-        )
+@pytest.mark.parametrize("name", [n for n in CORRECTED if not n.startswith("centred")])
+def test_displacement_under_a_constant_rate(name: str) -> None:
+    """A straight line for the force in b at the start leaves T theta x (theta x v) / 24."""
+    rows, phi, dv, dr = steady(name, 0.01, EVEN_STEPS)
+    left = rows.dt[:, None] * np.cross(phi, np.cross(phi, dv)) / 24.0
+    # the next term is a turn of 0.04 rad smaller
+    size = np.abs(left).max(axis=1, keepdims=True)
+    assert np.all(np.abs(rows.dr - dr - left) < 0.05 * size)
 
 
-def test_one_previous_sample_of_another_length() -> None:
-    """h2^2 / [6 h1 (h1 + h2)] (the exact coefficient of a linear rate)."""
-    h1, h2 = 0.003, 0.01
-    weight, *_ = coning_weights(np.array([h1, h2]), 1, 1)
-    assert weight == pytest.approx(h2**2 / (6 * h1 * (h1 + h2)), rel=1e-14)
+# ---- what passes untouched ---------------------------------------------------------------------
 
 
 def test_none_passes_increments_as_they_are() -> None:
-    rng = np.random.default_rng(1)
-    dtheta, dvel = rng.standard_normal((2, 5, 3))
-    phi, dv = body("none", np.full(5, 0.1), dtheta, dvel)
-    assert np.array_equal(phi, dtheta)
-    assert np.array_equal(dv, dvel)
+    log = log_of(np.random.default_rng(1).uniform(0.01, 0.1, 40))
+    rows = rebuilt(log, "none")
+    for name, passed in (("t", "t"), ("dt", "dt"), ("phi", "gyro"), ("dv", "accel")):
+        assert getattr(rows, name).tobytes() == getattr(log, passed).tobytes()
+    # a force that stands still in b moves the body by half of it; to rounding
+    np.testing.assert_allclose(rows.dr, 0.5 * log.dt[:, None] * log.accel, rtol=1e-15)
+    assert not rows.status.any()
 
 
 @pytest.mark.parametrize("name", RECONSTRUCTIONS)
 def test_compensated_input_is_not_corrected_again(name: str) -> None:
-    rng = np.random.default_rng(2)
-    dtheta, dvel = rng.standard_normal((2, 5, 3))
-    block = ImuSamples(t=np.arange(1, 6) * 0.1, gyro=dtheta, accel=dvel, kind="compensated")
-    (out,) = reconstruct(to_increments([block]), name)
-    assert np.array_equal(out.phi, dtheta)
-    assert np.array_equal(out.dv, dvel)
+    """Whatever the algorithm, block forms too."""
+    log = dataclasses.replace(
+        log_of(np.random.default_rng(2).uniform(0.01, 0.03, 40)), kind="compensated"
+    )
+    rows = rebuilt(to_increments(log.blocks(7)), name)
+    for column, passed in (("t", "t"), ("dt", "dt"), ("phi", "gyro"), ("dv", "accel")):
+        assert getattr(rows, column).tobytes() == getattr(log, passed).tobytes()
+    assert not rows.status.any()
+    assert same_bits(rows, rebuilt(log, "causal-1"))
+
+
+def exactly_compensated(motion: Polynomial, edges: Array, dv_frame: str):
+    """What a perfect sensor gives of the first case; and the true dv and dr."""
+    steps = [motion.moved(a, b - a) for a, b in zip(edges[:-1], edges[1:], strict=True)]
+    C, dv, dr = (np.array([step[i][0] for step in steps]) for i in range(3))
+    log = ImuSamples(
+        t=edges[1:],
+        dt=np.diff(edges),
+        gyro=Rotation.from_matrix(C).as_rotvec(),
+        accel=dv if dv_frame == "start" else np.einsum("nji,nj->ni", C, dv),
+        kind="compensated",
+        dv_frame=dv_frame,
+    )
+    return log, dv, dr
+
+
+@pytest.mark.parametrize("dv_frame", ["start", "end"])
+def test_compensated_increments_in_either_frame(dv_frame: str) -> None:
+    """Given in b at the end they are turned back; dr follows with the fourth power."""
+    motion = Polynomial.random(4, 1)
+    steps = np.random.default_rng(3).uniform(0.5, 1.5, 12)
+    edges = np.concatenate([[0.0], np.cumsum(steps)]) - 0.5 * steps.sum()
+    errors = []
+    for h in (0.02, 0.01):
+        log, dv, dr = exactly_compensated(motion, h * edges, dv_frame)
+        rows = rebuilt(to_increments(log.blocks(5)), "centred-9")
+        assert rows.phi.tobytes() == log.gyro.tobytes()
+        if dv_frame == "start":
+            assert rows.dv.tobytes() == log.accel.tobytes()
+        np.testing.assert_allclose(rows.dv, dv, rtol=0, atol=1e-15)  # m/s: rounding of 0.3
+        errors.append(np.abs(rows.dr - dr).max(axis=1))
+    # without a sample before it, the first row takes the force as it stands: the second power
+    # times the change of the force, 20 m/s^3 at most
+    assert errors[1][0] < 20.0 * 0.015**3
+    assert np.log2(np.mean(errors[0][1:]) / np.mean(errors[1][1:])) == pytest.approx(4.0, abs=0.15)
+
+
+# ---- blocks and threads ------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", ["increment", "compensated"])
+@pytest.mark.parametrize("name", RECONSTRUCTIONS)
+def test_rows_do_not_depend_on_blocks(name: str, kind: str) -> None:
+    log = dataclasses.replace(varied_log(), kind=kind, dv_frame="end")
+    whole = rebuilt(log, name)
+    for size in (1, 2, 7, 100):
+        assert same_bits(rebuilt(log.blocks(size), name), whole), size
+    ragged = np.cumsum([1, 40, 3, 3, 120, 1, 1, 29, 30, 31, 200])
+    pieces = [log[a:b] for a, b in zip([0, *ragged], [*ragged, len(log)], strict=True)]
+    assert same_bits(rebuilt(pieces, name), whole)
+
+
+@pytest.mark.parametrize("piece", [1, 13, 64])
+@pytest.mark.parametrize("name", RECONSTRUCTIONS)
+def test_rows_do_not_depend_on_threads(
+    name: str, piece: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    log = varied_log()
+    whole = rebuilt(log, name)
+    monkeypatch.setattr(stream, "_PIECE", piece)
+    assert same_bits(rebuilt(log, name), whole)
+    assert same_bits(rebuilt(log.blocks(90), name), whole)
+
+
+@pytest.mark.parametrize("name", RECONSTRUCTIONS)
+def test_every_sample_is_used_once(name: str) -> None:
+    """Rows meet, and the last ends where the log ends."""
+    log = varied_log()
+    rows = rebuilt(log.blocks(50), name)
+    # s: rounding of 14 s
+    np.testing.assert_allclose(rows.t[1:] - rows.dt[1:], rows.t[:-1], rtol=0, atol=1e-13)
+    assert rows.dt.sum() == pytest.approx(log.dt.sum(), rel=1e-14)
+    assert rows.t[-1] == log.t[-1]
+
+
+# ---- rates and averages ------------------------------------------------------------------------
 
 
 def test_rates_integrate_polynomials_exactly() -> None:
