@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 
 COLUMNS = ("t", "dt", "phi", "dv", "dr", "status")
 INPUTS = ("t", "dt", "gyro", "accel", "status")
-TERMS = 60  # of the series in `Polynomial.moved`: a turn of 5 rad leaves 5^60/60! = 1e-40
+TERMS = 40  # of the series in `Polynomial.moved`: a turn of 4 rad leaves 4^40/40! = 1e-24
 
 
 def rebuilt(blocks: ImuSamples | Iterable[ImuSamples], name: str) -> BodyIncrements:
@@ -46,9 +46,10 @@ class Polynomial:
 
     @staticmethod
     def random(degree: int, cases: int, seed: int = 5) -> Polynomial:
-        """Derivatives of size 1 rad/s^(j+1) and 10 m/s^(j+2) at t = 0."""
+        """Derivatives of 1 rad/s^(j+1) and 10 m/s^(j+2) at t = 0, each in a random direction."""
         scale = np.array([factorial(j) for j in range(degree + 1)])[:, None, None]
-        values = np.random.default_rng(seed).standard_normal((2, degree + 1, cases, 3)) / scale
+        values = np.random.default_rng(seed).standard_normal((2, degree + 1, cases, 3))
+        values /= scale * np.linalg.norm(values, axis=-1, keepdims=True)
         return Polynomial(values[0], 10.0 * values[1])
 
     def _within(self, coefficients: Array, start: float, h: float) -> Array:

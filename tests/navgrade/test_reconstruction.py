@@ -201,14 +201,14 @@ def test_equal_weights_give_the_legendre_coefficients_of_every_polynomial(window
 def test_weights_of_equal_intervals_agree_on_both_paths(window: int) -> None:
     solved = legendre_weights(np.full(20, 0.01), 3, window, 3 + window // 2)
     # rounding of a few dozen operations on numbers of size 10
-    np.testing.assert_allclose(solved, centred.equal_weights(window), rtol=0, atol=1e-13)
+    np.testing.assert_allclose(solved, centred.equal_weights(window), rtol=0, atol=2e-14)
 
 
 @pytest.mark.parametrize("count", range(1, 16))
 def test_solved_weights_give_the_legendre_coefficients_of_every_polynomial(count: int) -> None:
     """Uneven intervals, the current one anywhere in the window, windows of any length."""
     rng = np.random.default_rng(count)
-    for place in range(count):
+    for place in sorted({0, count // 3, count // 2, count - 1}):
         dt = rng.uniform(0.004, 0.016, count + 3)
         low, k = 2, 2 + place
         # weights depend on the intervals as rounded, and so does the truth
@@ -217,8 +217,8 @@ def test_solved_weights_give_the_legendre_coefficients_of_every_polynomial(count
         for step in dt[low : low + count].tolist():
             edges.append(edges[-1] + Fraction(step) / unit)
         knots = [edge - edges[place] for edge in edges]
-        # rounding of products of up to 15 differences, relative to the sizes that cancel
-        assert worst_rounding(legendre_weights(dt, low, count, k), knots) < 2e-13
+        # rounding of products of up to 15 differences
+        assert worst_rounding(legendre_weights(dt, low, count, k), knots) < 4e-14
 
 
 # ---- motion ------------------------------------------------------------------------------------
@@ -266,28 +266,35 @@ def centred_edges(window: int, h: float) -> Array:
     return h * (np.arange(window + 1) - 0.5 * window)
 
 
+def left_by_the_series(h: float) -> Array:
+    """Limits of the error of C, dv (m/s) and dr (m) over an interval of h (s).
+
+    Half as much again as the worst of all motions here; and rounding of a matrix, and of
+    10 m/s^2 times h.
+    """
+    return np.array([0.012 * h**7 + 1e-15, 0.5 * h**7 + 1e-14 * h, 2.2 * h**5 + 1e-14 * h**2])
+
+
 @pytest.mark.parametrize("window", WINDOWS)
 def test_motion_of_a_centred_window(window: int) -> None:
     """Two hundred motions, 0.01 to 1 rad per interval: only the truncated series is left.
 
     It leaves the seventh power of the interval in phi and dv, and the fifth in dr.
     """
-    motion = Polynomial.random(min(window - 1, 6), 30)
+    motion = Polynomial.random(min(window - 1, 6), 30, seed=window)
     errors = {}
     for h in (1.0, 0.5, 0.25, 0.125, 0.03, 0.01):
         (row,) = off(motion, centred_edges(window, h), f"centred-{window}", [window // 2])
-        # half as much again as the worst of these motions
-        limit = [0.025 * h**7, 0.7 * h**7, 4.0 * h**5]
-        # rounding: of a matrix, of 10 m/s^2 times h
-        rounding = [2e-15, 2e-14 * h, 2e-14 * h**2]
-        assert np.all(row < np.add(limit, rounding)), h
+        assert np.all(row < left_by_the_series(h)), h
         errors[h] = row.mean(axis=0)
     # 0.1: the next power still shows
     np.testing.assert_allclose(np.log2(errors[0.25] / errors[0.125]), [7.0, 7.0, 5.0], atol=0.1)
 
 
-@pytest.mark.parametrize("count", [1, 2, 3, 4, 5, 6, 8, 9, 14, 15, 17])
-@pytest.mark.parametrize("window", [3, 9, 15])
+@pytest.mark.parametrize(
+    ("window", "count"),
+    [(3, 2), (3, 5), *((9, n) for n in (1, 2, 3, 4, 5, 8, 9, 10, 14)), (15, 14), (15, 15)],
+)
 def test_every_window_carries_its_polynomial(window: int, count: int) -> None:
     """A log of `count` uneven samples: windows that moved aside or are short are as good.
 
@@ -298,11 +305,7 @@ def test_every_window_carries_its_polynomial(window: int, count: int) -> None:
     steps = np.random.default_rng(count).uniform(0.5, 1.5, count) * h
     edges = np.concatenate([[0.0], np.cumsum(steps)]) - 0.5 * steps.sum()
     errors = off(motion, edges, f"centred-{window}", list(range(count)))
-    # the truncated series at the longest interval; rounding, enlarged by the weights at the ends
-    h_max, amplified = 1.5 * h, 2e-13
-    limit = [0.1 * h_max**7, 3.0 * h_max**7, 20.0 * h_max**5]
-    rounding = [amplified * h, 10.0 * amplified * h, 10.0 * amplified * h**2]
-    assert np.all(errors < np.add(limit, rounding))
+    assert np.all(errors < left_by_the_series(1.5 * h))
 
 
 UNEVEN = {
@@ -366,9 +369,10 @@ UNEVEN_STEPS = np.random.default_rng(1).uniform(0.01, 0.03, 24)  # s
 @pytest.mark.parametrize("name", CORRECTED)
 def test_constant_rate_and_force_are_exact(name: str, angle: float, dt: Array) -> None:
     rows, phi, dv, _ = steady(name, angle, dt)
-    # rounding: of 4 rad in a block of four, of 10 m/s^2 times its length; of sums with weights
-    np.testing.assert_allclose(rows.phi, phi, rtol=0, atol=2e-14 * angle)
-    np.testing.assert_allclose(rows.dv, dv, rtol=0, atol=3e-15)
+    # rounding of 4 rad in a block of four and of 0.8 m/s; of sums with weights of up to 100 at the
+    # ends of an uneven log
+    np.testing.assert_allclose(rows.phi, phi, rtol=0, atol=5e-14 * angle)
+    np.testing.assert_allclose(rows.dv, dv, rtol=0, atol=5e-15)
 
 
 @pytest.mark.parametrize("angle", [1e-9, 1e-4, 0.1, 1.0])
@@ -377,8 +381,8 @@ def test_displacement_of_centred_windows_under_a_constant_rate(window: int, angl
     """Exact to 0.1 rad per interval; beyond, the series of its last factor leaves |phi|^8/10!."""
     rows, phi, _, dr = steady(f"centred-{window}", angle, EVEN_STEPS)
     series = 0.02**2 * np.linalg.norm(FORCE) * np.linalg.norm(phi[0]) ** 8 / 3628800.0
-    # m: rounding of 10 m/s^2 times the square of 0.02 s, and the series
-    np.testing.assert_allclose(rows.dr, dr, rtol=0, atol=1e-17 + 1.1 * series)
+    # m: rounding of 10 m/s^2 times the square of 0.02 s with the weights at the ends; the series
+    np.testing.assert_allclose(rows.dr, dr, rtol=0, atol=1e-16 + 1.1 * series)
 
 
 @pytest.mark.parametrize("name", [n for n in CORRECTED if not n.startswith("centred")])
@@ -456,8 +460,9 @@ def test_compensated_increments_in_either_frame(dv_frame: str) -> None:
 # ---- blocks and threads ------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("kind", ["increment", "compensated"])
-@pytest.mark.parametrize("name", RECONSTRUCTIONS)
+@pytest.mark.parametrize(
+    ("name", "kind"), [*((name, "increment") for name in RECONSTRUCTIONS), ("none", "compensated")]
+)
 def test_rows_do_not_depend_on_blocks(name: str, kind: str) -> None:
     log = dataclasses.replace(varied_log(), kind=kind, dv_frame="end")
     whole = rebuilt(log, name)
