@@ -323,7 +323,7 @@ def run(
         if aligned:
             aligned(alignment)
     summary = RunSummary(output, log, alignment, reconstruction, frame, vertical, gravity, state)
-    aid = _baro_loop(log, site, strict=choices.strict) if vertical == "baro" else None
+    aid = _baro_loop(log, site, state, strict=choices.strict) if vertical == "baro" else None
     with SolutionWriter(output, overwrite=overwrite, rate_hz=rate_hz) as out:
         try:
             for nav in solve(
@@ -389,15 +389,16 @@ def _disturbance(site: Site) -> DisturbanceGrid | None:
         raise ConfigError(f"{key}: {error}", file=site.file, key=key) from None
 
 
-def _baro_loop(log: ImuLog, site: Site, *, strict: bool) -> BaroLoop:
-    """The heights of the site file's topic, on the clock of the samples."""
+def _baro_loop(log: ImuLog, site: Site, state: NavState, *, strict: bool) -> BaroLoop:
+    """The heights of the site file's topic, on the clock of the samples, from `state` on."""
     baro = site.baro or BaroSettings()
     heights = read_heights(
         log.path, baro.topic, field=baro.field, quantity=baro.quantity, strict=strict
     )
     epoch_ns = next(iter(log.blocks())).epoch_ns
     try:
-        return BaroLoop(heights.seconds(epoch_ns), heights.h, baro.gains, baro.reference)
+        loop = BaroLoop(heights.seconds(epoch_ns), heights.h, baro.gains, baro.reference)
+        return loop.aligned(state.t, state.h)
     except ValueError as error:
         raise LogError(f"the heights: {error}", file=str(log.path), topic=baro.topic) from None
 

@@ -126,7 +126,12 @@ def propagate(
             up = (cos_lat * cos_lon, cos_lat * sin_lon, sin_lat)
             v_down = -(up[0] * v[0] + up[1] * v[1] + up[2] * v[2])
             dh, dv, bias = vertical_correction(channel, h, v_down, heights[k], bias, dt)
-            v = (v[0] - dv * up[0], v[1] - dv * up[1], v[2] - dv * up[2])
+            carried = drift * dh  # a new place in the frame moves with the Earth
+            v = (
+                v[0] - dv * up[0] - carried * up[1],
+                v[1] - dv * up[1] + carried * up[0],
+                v[2] - dv * up[2],
+            )
             x, lost_x = compensated_sum(r[0], lost_x, dh * up[0])
             y, lost_y = compensated_sum(r[1], lost_y, dh * up[1])
             z, lost_z = compensated_sum(r[2], lost_z, dh * up[2])

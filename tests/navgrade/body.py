@@ -18,7 +18,7 @@ Array = NDArray[np.float64]
 
 COLUMNS = ("t", "dt", "phi", "dv", "dr", "status")
 INPUTS = ("t", "dt", "gyro", "accel", "status")
-TERMS = 40  # of the series in `Polynomial.moved`: a turn of 4 rad leaves 4^40/40! = 1e-24
+TERMS = 40  # of the series in `Polynomial.moved`: over 1 s the next ones are below 1e-14
 
 
 def rebuilt(blocks: ImuSamples | Iterable[ImuSamples], name: str) -> BodyIncrements:
@@ -76,7 +76,7 @@ class Polynomial:
     def moved(self, start: float, h: float) -> tuple[Array, Array, Array]:
         """True C (cases, 3, 3), dv and dr of all cases over one interval, from power series.
 
-        C' = C [omega x], v' = C f, r' = v, all resolved in b at `start`.
+        C' = C [omega x], v' = C f, r' = v, all resolved in b at `start`. To rounding up to 1 s.
         """
         rate, force = self._within(self.rate, start, h), self._within(self.force, start, h)
         x, y, z = np.moveaxis(rate, -1, 0)

@@ -243,7 +243,7 @@ def off(motion: Polynomial, edges: Array, name: str, rows: list[int]) -> Array:
 
 
 def test_truth_solves_the_differential_equation() -> None:
-    """The power series against an adaptive integration, at 1.5 rad and more per interval."""
+    """The power series against an adaptive integration, over a turn of more than 1 rad."""
     motion = Polynomial.random(4, 1)
 
     def slope(t: float, state: Array) -> Array:
@@ -255,10 +255,11 @@ def test_truth_solves_the_differential_equation() -> None:
         return np.concatenate([(C @ skew).ravel(), C @ force, state[9:12]])
 
     begin = np.concatenate([np.eye(3).ravel(), np.zeros(6)])
-    done = solve_ivp(slope, (-0.3, 1.2), begin, "DOP853", rtol=1e-13, atol=1e-14)
-    C, dv, dr = motion.moved(-0.3, 1.5)
-    # a hundred steps of 1e-14 of the largest value, 10
-    np.testing.assert_allclose(np.concatenate([C.ravel(), dv[0], dr[0]]), done.y[:, -1], atol=1e-11)
+    done = solve_ivp(slope, (-0.3, 0.7), begin, "DOP853", rtol=1e-13, atol=1e-14)
+    C, dv, dr = motion.moved(-0.3, 1.0)
+    truth = np.concatenate([C.ravel(), dv[0], dr[0]])
+    # some ten steps of 1e-13 of values up to 20
+    np.testing.assert_allclose(truth, done.y[:, -1], rtol=0, atol=1e-11)
 
 
 def centred_edges(window: int, h: float) -> Array:
@@ -272,7 +273,7 @@ def left_by_the_series(h: float) -> Array:
     Half as much again as the worst of all motions here; and rounding of a matrix, and of
     10 m/s^2 times h.
     """
-    return np.array([0.012 * h**7 + 1e-15, 0.5 * h**7 + 1e-14 * h, 2.2 * h**5 + 1e-14 * h**2])
+    return np.array([5e-4 * h**7 + 1e-15, 0.013 * h**7 + 1e-14 * h, 0.2 * h**5 + 1e-14 * h**2])
 
 
 @pytest.mark.parametrize("window", WINDOWS)
@@ -288,7 +289,8 @@ def test_motion_of_a_centred_window(window: int) -> None:
         assert np.all(row < left_by_the_series(h)), h
         errors[h] = row.mean(axis=0)
     # 0.1: the next power still shows
-    np.testing.assert_allclose(np.log2(errors[0.25] / errors[0.125]), [7.0, 7.0, 5.0], atol=0.1)
+    orders = np.log2(errors[0.25] / errors[0.125])
+    np.testing.assert_allclose(orders, [7.0, 7.0, 5.0], rtol=0, atol=0.1)
 
 
 @pytest.mark.parametrize(
@@ -323,7 +325,7 @@ def test_uneven_intervals_keep_the_order(name: str, pattern: str) -> None:
     place = 20 // chosen.samples // 2 if isinstance(chosen, BlockForm) else 10
     edges = np.concatenate([[0.0], np.cumsum(UNEVEN[pattern])])
     edges -= edges[10]
-    errors = [off(motion, h * edges, name, [place]).mean(axis=(0, 1)) for h in (0.04, 0.02)]
+    errors = [off(motion, h * edges, name, [place]).mean(axis=(0, 1)) for h in (0.16, 0.08)]
     attitude, velocity, position = np.log2(errors[0] / errors[1])
     # 0.15: the next power still shows
     assert min(attitude, velocity) == pytest.approx(chosen.order + 1, abs=0.15)
@@ -372,7 +374,7 @@ def test_constant_rate_and_force_are_exact(name: str, angle: float, dt: Array) -
     # rounding of 4 rad in a block of four and of 0.8 m/s; of sums with weights of up to 100 at the
     # ends of an uneven log
     np.testing.assert_allclose(rows.phi, phi, rtol=0, atol=5e-14 * angle)
-    np.testing.assert_allclose(rows.dv, dv, rtol=0, atol=5e-15)
+    np.testing.assert_allclose(rows.dv, dv, rtol=0, atol=2e-14)
 
 
 @pytest.mark.parametrize("angle", [1e-9, 1e-4, 0.1, 1.0])
@@ -404,7 +406,7 @@ def test_none_passes_increments_as_they_are() -> None:
     for name, passed in (("t", "t"), ("dt", "dt"), ("phi", "gyro"), ("dv", "accel")):
         assert getattr(rows, name).tobytes() == getattr(log, passed).tobytes()
     # a force that stands still in b moves the body by half of it; to rounding
-    np.testing.assert_allclose(rows.dr, 0.5 * log.dt[:, None] * log.accel, rtol=1e-15)
+    np.testing.assert_allclose(rows.dr, 0.5 * log.dt[:, None] * log.accel, rtol=3e-16)
     assert not rows.status.any()
 
 
@@ -514,8 +516,8 @@ def test_rates_integrate_polynomials_exactly() -> None:
         dvel = np.concatenate([o.accel for o in out])
         assert np.array_equal(np.concatenate([o.t for o in out]), t)
         # rad: rounding of numbers of size 10 over intervals of 0.01 s
-        np.testing.assert_allclose(dtheta[1:], steps[:, :3], atol=1e-13)
-        np.testing.assert_allclose(dvel[1:], steps[:, 3:], atol=1e-13)
+        np.testing.assert_allclose(dtheta[1:], steps[:, :3], rtol=0, atol=1e-13)
+        np.testing.assert_allclose(dvel[1:], steps[:, 3:], rtol=0, atol=1e-13)
 
 
 def test_rates_with_equal_spacing_use_the_published_weights() -> None:
