@@ -195,13 +195,17 @@ def _undisturbed(params, fit, own, sin_lat, cos_lat, lat, lon, h):
 
 
 @formula
+def _plus(g, disturbance):
+    xi, eta, dg = disturbance
+    return g[0] - g[2] * xi, g[1] - g[2] * eta, g[2] + dg
+
+
+@formula
 def _disturbed(grid, shift, g, lat, lon, h):
     if grid is not None:
-        xi, eta, dg = grid_disturbance(grid, lat, lon)
-        return g[0] - g[2] * xi, g[1] - g[2] * eta, g[2] + dg
+        return _plus(g, grid_disturbance(grid, lat, lon))
     if shift is not None:
-        xi, eta, dg = shift(lat, lon, h)
-        return g[0] - g[2] * xi, g[1] - g[2] * eta, g[2] + dg
+        return _plus(g, shift(lat, lon, h))
     return g
 
 

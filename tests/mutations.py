@@ -11,16 +11,32 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 PARTS = ("earth", "align", "navgrade", "tests", "pyproject.toml")
+STEP = "navgrade/mechanization/step.py"
 NED = "navgrade/mechanization/ned.py"
+CARTESIAN = "navgrade/mechanization/cartesian.py"
+WANDER = "navgrade/mechanization/wander.py"
 CAUSAL = "navgrade/reconstruction/causal.py"
-HOUR = "tests/navgrade/test_accuracy.py"
+CENTRED = "navgrade/reconstruction/centred.py"
+CONING = "navgrade/reconstruction/coning.py"
+BLOCKS = "navgrade/reconstruction/blocks.py"
+
+HOURS = "tests/navgrade/test_accuracy.py"
+TURNS = f"{HOURS}::test_hour[turning vehicle, causal-3, n]"
+MANOEUVRES = f"{HOURS}::test_hour[manoeuvres, centred-9, n]"
+FRAMES = "tests/navgrade/test_frames.py"
 LAWS = "tests/navgrade/test_laws.py"
 BODY = "tests/navgrade/test_reconstruction.py"
+ORDERS = "tests/navgrade/test_orders.py"
+CONES = "tests/navgrade/test_coning.py"
+STRETCHES = "tests/navgrade/test_stretches.py"
+CHANNEL = "tests/navgrade/test_vertical_loop.py"
+FIELD = "tests/navgrade/test_gravity_choice.py"
 
 
 @dataclass(frozen=True)
@@ -40,132 +56,323 @@ MUTATIONS = (
         "earth/rates.py",
         "return params.omega * cos_lat, -params.omega * sin_lat",
         "return 1.01 * params.omega * cos_lat, -1.01 * params.omega * sin_lat",
-        (HOUR,),
+        (TURNS,),
     ),
     Mutation(
-        "Coriolis sign",
-        NED,
-        "(g_n - coriolis[0], -coriolis[1], g_d - coriolis[2])",
-        "(g_n + coriolis[0], coriolis[1], g_d + coriolis[2])",
-        (LAWS, HOUR),
-    ),
-    Mutation(
-        "coning term deleted",
-        CAUSAL,
-        "phi[row, i] = theta[i] + coning[i]",
-        "phi[row, i] = theta[i]",
-        (BODY, HOUR),
-    ),
-    Mutation(
-        "sculling term deleted",
-        CAUSAL,
-        " + sculling_v[i] + sculling_theta[i]",
-        "",
-        (BODY, HOUR),
-    ),
-    Mutation(
-        "rotation term halved to theta x v / 2",
-        CAUSAL,
-        "v[i] + r1 * turn[i] + r2 * turn2[i]",
-        "v[i] + 0.5 * turn[i]",
-        (BODY, HOUR),
-    ),
-    Mutation(
-        "north gravity dropped",
-        "earth/gravity.py",
-        "return north * sin_lat * cos_lat * h, down",
-        "return 0.0 * north, down",
-        (HOUR,),
-    ),
-    Mutation(
-        "half of sculling deleted",
-        CAUSAL,
-        " + sculling_theta[i]",
-        "",
-        (BODY,),
-    ),
-    Mutation(
-        "transport rate sign",
+        "transport rate about east, sign",
         "earth/rates.py",
         "return north, -v_n * per_meridian, -north * tan_lat",
         "return north, v_n * per_meridian, -north * tan_lat",
-        (HOUR,),
+        (TURNS,),
+    ),
+    Mutation(
+        "transport rate about down, sign",
+        "earth/rates.py",
+        "return north, -v_n * per_meridian, -north * tan_lat",
+        "return north, -v_n * per_meridian, north * tan_lat",
+        (TURNS,),
     ),
     Mutation(
         "radii exchanged",
         "earth/geodetic.py",
         "return transverse * (1.0 - params.e2) * w2, transverse",
         "return transverse, transverse * (1.0 - params.e2) * w2",
-        (HOUR,),
+        (TURNS,),
     ),
     Mutation(
-        "frame rotation of the velocity increment dropped",
+        "north gravity dropped",
+        "earth/gravity.py",
+        "return north * sin_lat * cos_lat * h, down",
+        "return 0.0 * north, down",
+        (TURNS,),
+    ),
+    Mutation(
+        "sign of the deflection east",
+        "earth/gravity.py",
+        "g[1] - g[2] * eta",
+        "g[1] + g[2] * eta",
+        (FIELD,),
+    ),
+    Mutation(
+        "n: Coriolis sign",
         NED,
-        "(f[1] - half * turn[1])",
-        "f[1]",
-        (HOUR,),
+        "(g[0] - coriolis[0], g[1] - coriolis[1], g[2] - coriolis[2])",
+        "(g[0] + coriolis[0], g[1] + coriolis[1], g[2] + coriolis[2])",
+        (TURNS,),
     ),
     Mutation(
-        "uneven intervals taken as even",
-        CAUSAL,
-        "if abs(dt[k - m] - dt[k]) > _EQUAL * dt[k]:",
-        "if False:",
-        (BODY,),
-    ),
-    Mutation(
-        "position summed without compensation",
+        "n: Coriolis without transport",
         NED,
+        "cross((2.0 * ie_n + en_n, en_e, 2.0 * ie_d + en_d), v)",
+        "cross((2.0 * ie_n, 0.0, 2.0 * ie_d), v)",
+        (TURNS,),
+    ),
+    Mutation(
+        "e: Coriolis sign along x",
+        CARTESIAN,
+        "- excess * r[0] + 2.0 * spin * v[1]",
+        "- excess * r[0] - 2.0 * spin * v[1]",
+        (FRAMES,),
+    ),
+    Mutation(
+        "e: Coriolis sign along y",
+        CARTESIAN,
+        "- excess * r[1] - 2.0 * spin * v[0]",
+        "- excess * r[1] + 2.0 * spin * v[0]",
+        (FRAMES,),
+    ),
+    Mutation(
+        "i: centrifugal sign",
+        CARTESIAN,
+        "- excess * r[0] + 2.0 * spin * v[1]",
+        "+ excess * r[0] + 2.0 * spin * v[1]",
+        (FRAMES,),
+    ),
+    Mutation(
+        "i: velocity of the Earth's surface, sign",
+        CARTESIAN,
+        "v[0] + drift * r[1], v[1] - drift * r[0]",
+        "v[0] - drift * r[1], v[1] + drift * r[0]",
+        (FRAMES,),
+    ),
+    Mutation(
+        "i: a height correction left behind by the Earth",
+        CARTESIAN,
+        "carried = drift * dh",
+        "carried = 0.0 * dh",
+        (CHANNEL,),
+    ),
+    Mutation(
+        "w: Coriolis sign",
+        WANDER,
+        "- north_y * g_e - coriolis[0]",
+        "- north_y * g_e + coriolis[0]",
+        (FRAMES,),
+    ),
+    Mutation(
+        "w: transport sign",
+        WANDER,
+        "-(K_xx * moved[0] + K_xy * moved[1]), 0.0",
+        "(K_xx * moved[0] + K_xy * moved[1]), 0.0",
+        (FRAMES,),
+    ),
+    Mutation(
+        "w: curvature without torsion",
+        WANDER,
+        "k * p[0] * p[1]",
+        "0.0 * p[0] * p[1]",
+        (FRAMES,),
+    ),
+    Mutation(
+        "step: frame rotation of the velocity increment dropped",
+        STEP,
+        "(lag[1] - dt * W[1] + k * second[1])",
+        "0.0",
+        (MANOEUVRES,),
+    ),
+    Mutation(
+        "step: second order of that rotation dropped",
+        STEP,
+        "(lag[2] - dt * W[2] + k * second[2])",
+        "(lag[2] - dt * W[2])",
+        (ORDERS,),
+    ),
+    Mutation(
+        "step: slope of gravity and Coriolis dropped",
+        STEP,
+        "slope = k * dt / (dt + dt_before)",
+        "slope = 0.0",
+        (ORDERS,),
+    ),
+    Mutation(
+        "step: position summed without compensation",
+        STEP,
         "return new, (new - total) - y",
         "return new, 0.0 * y",
         (LAWS,),
     ),
+    Mutation(
+        "baro: sign of the velocity gain",
+        STEP,
+        "(channel.c2 * excess + bias) * dt",
+        "(bias - channel.c2 * excess) * dt",
+        (CHANNEL,),
+    ),
+    Mutation(
+        "baro: sign of the third gain",
+        STEP,
+        "bias = bias + channel.c3 * excess * dt",
+        "bias = bias - channel.c3 * excess * dt",
+        (CHANNEL,),
+    ),
+    Mutation(
+        "coning term deleted",
+        CAUSAL,
+        "phi[row, i] = theta[i] + coning[i]",
+        "phi[row, i] = theta[i]",
+        (CONES,),
+    ),
+    Mutation(
+        "half of sculling deleted",
+        CAUSAL,
+        " + sculling_theta[i]",
+        "",
+        (CONES,),
+    ),
+    Mutation(
+        "rotation term halved to theta x v / 2",
+        CAUSAL,
+        "v[i] + r1 * turn[i] + r2 * turn2[i]",
+        "v[i] + 0.5 * turn[i]",
+        (BODY,),
+    ),
+    Mutation(
+        "displacement without its slope",
+        CAUSAL,
+        "(0.5 * dv[row, i] - (1.0 / 6.0) * rise)",
+        "0.5 * dv[row, i]",
+        (TURNS,),
+    ),
+    Mutation(
+        "a weight of four previous samples",
+        CONING,
+        "367 / 2520",
+        "366 / 2520",
+        (CONES,),
+    ),
+    Mutation(
+        "a weight of the block of four",
+        CONING,
+        "92 / 105",
+        "91 / 105",
+        (CONES,),
+    ),
+    Mutation(
+        "uneven intervals taken as even",
+        CONING,
+        "return off <= _EQUAL * dt[k]",
+        "return off >= 0.0",
+        (CONES,),
+    ),
+    Mutation(
+        "uneven weights for the wrong length",
+        CONING,
+        "0.5 * (2.0 * span / dt[k])",
+        "0.5 * (2.0 * span / dt[k - 1])",
+        (CONES,),
+    ),
+    Mutation(
+        "block form without sculling",
+        BLOCKS,
+        " + sculling_v[i] + sculling_theta[i]",
+        "",
+        (CONES,),
+    ),
+    Mutation(
+        "centred: second Magnus coefficient",
+        CENTRED,
+        "combined(1.0 / 30.0, e2, -1.0 / 60.0, K)",
+        "combined(1.0 / 31.0, e2, -1.0 / 60.0, K)",
+        (BODY,),
+    ),
+    Mutation(
+        "centred: triple bracket sign",
+        CENTRED,
+        "combined(1.0 / 60.0, e2, -1.0 / 360.0, K)",
+        "combined(1.0 / 60.0, e2, 1.0 / 360.0, K)",
+        (BODY,),
+    ),
+    Mutation(
+        "centred: highest coning terms dropped",
+        CENTRED,
+        "combined(1.0 / 126.0, e4, -1.0 / 70.0, e2)",
+        "combined(1.0 / 126.0, e4, 0.0, e2)",
+        (BODY,),
+    ),
+    Mutation(
+        "centred: displacement of the slope",
+        CENTRED,
+        "-b1[0] / 6.0",
+        "-b1[0] / 7.0",
+        (BODY,),
+    ),
+    Mutation(
+        "centred: equal weights folded with the wrong parity",
+        CENTRED,
+        "odd = x[later + c] - x[earlier + c]",
+        "odd = x[later + c] + x[earlier + c]",
+        (BODY,),
+    ),
+    Mutation(
+        "centred: weights of uneven intervals",
+        CENTRED,
+        "weights[m, here] = 2.0 * m + 3.0",
+        "weights[m, here] = 2.0 * m + 1.0",
+        (BODY,),
+    ),
+    Mutation(
+        "windows cross gaps",
+        "navgrade/reconstruction/stream.py",
+        "ends = k > 0 and bridged[k] != bridged[k - 1]",
+        "ends = False",
+        (STRETCHES,),
+    ),
+    Mutation(
+        "sensor's end-frame increments not turned",
+        "navgrade/reconstruction/compensated.py",
+        "v = quat_rotate(rotvec_to_quat((dtheta[k, 0], dtheta[k, 1], dtheta[k, 2])), v)",
+        "v = (v[0], v[1], v[2])",
+        (BODY,),
+    ),
 )
 
 
-def is_red(mutation: Mutation, folder: Path) -> bool:
+def is_red(mutation: Mutation, *options: str) -> bool:
     """Apply a mutation to a copy of the repository and return whether its tests fail."""
-    for part in PARTS:
-        source = ROOT / part
-        if source.is_dir():
-            ignore = shutil.ignore_patterns("__pycache__", "node_modules")
-            shutil.copytree(source, folder / part, ignore=ignore)
-        else:
-            shutil.copy(source, folder / part)
-    target = folder / mutation.file
-    text = target.read_text()
-    if text.count(mutation.old) != 1:
-        raise SystemExit(f"{mutation.name}: its text stands {text.count(mutation.old)} times")
-    target.write_text(text.replace(mutation.old, mutation.new))
-    environment = {
-        **os.environ,
-        "PYTHONPATH": str(folder),
-        "NUMBA_CACHE_DIR": str(folder / "cache"),
-    }
-    command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider"]
-    done = subprocess.run(
-        [*command, *mutation.tests], cwd=folder, env=environment, capture_output=True, text=True
-    )
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        for part in PARTS:
+            source = ROOT / part
+            if source.is_dir():
+                ignore = shutil.ignore_patterns("__pycache__", "node_modules")
+                shutil.copytree(source, folder / part, ignore=ignore)
+            else:
+                shutil.copy(source, folder / part)
+        target = folder / mutation.file
+        text = target.read_text()
+        if text.count(mutation.old) != 1:
+            raise SystemExit(f"{mutation.name}: its text stands {text.count(mutation.old)} times")
+        target.write_text(text.replace(mutation.old, mutation.new))
+        environment = {
+            **os.environ,
+            "PYTHONPATH": str(folder),
+            "NUMBA_CACHE_DIR": str(folder / "cache"),
+        }
+        command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", *options]
+        done = subprocess.run(
+            [*command, *mutation.tests], cwd=folder, env=environment, capture_output=True, text=True
+        )
     if done.returncode not in (0, 1):  # 1: tests ran and failed
         raise SystemExit(f"{mutation.name}: pytest ended with {done.returncode}\n{done.stdout}")
     return done.returncode == 1
 
 
 def main() -> None:
-    """Try all mutations and report."""
-    untouched = Mutation("no mutation", NED, "class Ned:", "class Ned:", (BODY, LAWS, HOUR))
-    with tempfile.TemporaryDirectory() as folder:
-        if is_red(untouched, Path(folder)):
-            raise SystemExit("the tests fail without any mutation")
+    """Try all mutations, or those whose names hold the words given, and report."""
+    chosen = [m for m in MUTATIONS if all(word in m.name for word in sys.argv[1:])]
+    tests = tuple(sorted({test for mutation in chosen for test in mutation.tests}))
+    untouched = Mutation("no mutation", NED, "class Ned:", "class Ned:", tests)
+    if is_red(untouched, "-n", "auto"):
+        raise SystemExit("the tests fail without any mutation")
     survived = []
-    for mutation in MUTATIONS:
-        with tempfile.TemporaryDirectory() as folder:
-            caught = is_red(mutation, Path(folder))
-        print(f"{'red' if caught else 'SURVIVED':<9}{mutation.name}", flush=True)
-        if not caught:
-            survived.append(mutation.name)
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        for mutation, caught in zip(chosen, pool.map(is_red, chosen), strict=True):
+            print(f"{'red' if caught else 'SURVIVED':<9}{mutation.name}", flush=True)
+            if not caught:
+                survived.append(mutation.name)
     if survived:
-        raise SystemExit(f"{len(survived)} of {len(MUTATIONS)} mutations survived")
-    print(f"all {len(MUTATIONS)} mutations turned a test red")
+        raise SystemExit(f"{len(survived)} of {len(chosen)} mutations survived")
+    print(f"all {len(chosen)} mutations turned a test red")
 
 
 if __name__ == "__main__":

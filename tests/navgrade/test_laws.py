@@ -6,6 +6,7 @@ import itertools
 from collections.abc import Callable
 from fractions import Fraction
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pymap3d
@@ -20,6 +21,7 @@ from navgrade.mechanization import MECHANIZATIONS, World
 from navgrade.mechanization.step import compensated_sum
 from navgrade.navigation import solve
 from navgrade.reconstruction import DEFAULT, RECONSTRUCTIONS, reconstruct
+from navgrade.vertical import BaroLoop
 from tests.navgrade.engine import attitude_error, fly, samples, state_at
 from tests.oracles.cases import position_error
 from tests.oracles.constants import E2, EQUATORIAL_RADIUS, OMEGA
@@ -107,14 +109,14 @@ def test_still_stays_still(reconstruction: str, mechanization: str, lat_deg: flo
     )
     truth = base.state(nav.t)
     error = position_error(nav, truth)
-    # m: the gravity fit, 1e-12 m/s^2 here, and the second order of the Earth's turn in an
-    # interval, (omega dt)^2 g / 6 = 4e-12 m/s^2, are 4e-8 m after 120 s; "none" leaves
-    # theta x v / 2, 7e-6 m/s^2 at 50 Hz, 0.05 m
-    limit = 0.06 if reconstruction == "none" else 1e-7
+    # m: the gravity fit, 1e-12 m/s^2 here, is 7 nm after 120 s. Frame i sees gravity turn and
+    # takes it at the middle of intervals of up to 80 ms (four samples): g (omega dt)^2 / 24 =
+    # 1.4e-11 m/s^2, 0.1 um. "none" leaves theta x v / 2, 5e-6 m/s^2 at 50 Hz, 36 mm.
+    limit = 0.04 if reconstruction == "none" else 1e-7
     assert error.horizontal < limit
     assert error.vertical < limit
     if reconstruction != "none":
-        assert np.abs(nav.v_eb_n).max() < 1e-9  # m/s: the same over 120 s
+        assert np.abs(nav.v_eb_n).max() < 2e-9  # m/s: the same over 120 s
         assert attitude_error(nav, truth).max() < 1e-13  # rad: 6,000 roundings, compensated
 
 
@@ -188,15 +190,15 @@ def test_schuler_and_foucault(mechanization: str, lat_deg: float) -> None:
     # the periods along the meridian and across it, 0.15 min apart, go out of step
     plane = (north + 1j * east) * np.exp(-1j * OMEGA * np.sin(lat) * nav.t)
     through = nav.t[np.flatnonzero(plane.real[:-1] * plane.real[1:] < 0)]
-    # min: 84.4 on a sphere; 84.2 to 84.5 with the radii from the equator to 45 degrees
-    assert 2.0 * np.diff(through).mean() / 60.0 == pytest.approx(84.4, abs=0.25)
+    # min: 84.4 on a sphere; the radii of the ellipsoid move it by 0.1 either way
+    assert 2.0 * np.diff(through).mean() / 60.0 == pytest.approx(84.4, abs=0.1)
     speed = np.hypot(*np.diff([north, east], axis=1))
     far = np.flatnonzero((speed[1:-1] < speed[:-2]) & (speed[1:-1] <= speed[2:])) + 1
     bearing = np.unwrap(2.0 * np.arctan2(east[far], north[far])) / 2.0
     turned = np.polyfit(nav.t[far], bearing, 1)[0]
     # clockwise in the north; 33.85 h at 45 degrees, 47.9 h at 30
     assert 2.0 * np.pi / turned / 3600.0 == pytest.approx(
-        2.0 * np.pi / (OMEGA * np.sin(lat)) / 3600.0, rel=0.01
+        2.0 * np.pi / (OMEGA * np.sin(lat)) / 3600.0, rel=0.005
     )
 
 
@@ -209,9 +211,9 @@ def test_vertical_instability(mechanization: str, lat_deg: float) -> None:
     raised = NavState(lat=true.lat, lon=true.lon, h=true.h + 1.0, q_nb=true.q_nb)
     nav = navigate(log, raised, mechanization=mechanization, reconstruction="causal-1")
     t = np.array([60.0, 600.0, 1800.0])
-    end = nav[rows_at(nav, t)]
+    rows = rows_at(nav, t)
     # 1 %: 570 s is rounded, and over the poles it is 1 s more than over the equator
-    np.testing.assert_allclose(end.h - true.h, np.cosh(t / 570.0), rtol=0.01)
+    np.testing.assert_allclose(nav.h[rows] - true.h, np.cosh(t / 570.0), rtol=0.01)
 
     r0 = ecef(true.lat, true.lon, true.h)
     f_e = -gravity_e(r0)
@@ -221,11 +223,11 @@ def test_vertical_instability(mechanization: str, lat_deg: float) -> None:
         return np.concatenate([y[3:], f_e + gravity_e(r0 + y[:3]) - 2.0 * np.cross(SPIN, y[3:])])
 
     y = integrated(rates, np.concatenate([up, np.zeros(3)]), t)
-    for k in range(len(t)):
-        r = ecef(end.lat[k], end.lon[k], end.h[k])
-        # m: 9e-11 m/s^2 of the Earth's turn in 0.1 s, doubly integrated and grown: 0.3 mm at the
-        # end, where the height error is 11.8 m
-        np.testing.assert_allclose(r, r0 + y[k, :3], atol=1e-3)
+    for k, row in enumerate(rows):
+        r = ecef(nav.lat[row], nav.lon[row], nav.h[row])
+        # m: frame i takes turning gravity at the middle of 0.1 s: g (omega dt)^2 / 24 =
+        # 2e-11 m/s^2, grown to 0.1 mm at the end, where the height error is 11.8 m
+        np.testing.assert_allclose(r, r0 + y[k, :3], atol=2e-4)
 
 
 # --- falling --------------------------------------------------------------------------------------
@@ -265,14 +267,14 @@ def test_free_fall_is_straight_in_inertial_space(mechanization: str, lat_deg: fl
     v0 = C_en(lat, lon) @ v + np.cross(SPIN, r0)
     y = integrated(rates, np.concatenate([np.zeros(3), v0]), np.array([duration]))[0]
     C_ei = Rotation.from_rotvec(-SPIN * duration)
-    # m: the trapezoid leaves dt^2/12 of the change of acceleration, 1e-6 m here; a Coriolis
-    # term of the wrong sign moves the end by 12 m
+    # m: the steps of 10 ms leave 0.02 um, conversions of a few nm each; a Coriolis term of the
+    # wrong sign moves the end by 12 m
     end = ecef(nav.lat[-1], nav.lon[-1], nav.h[-1])
-    np.testing.assert_allclose(end, C_ei.apply(r0 + y[:3]), atol=2e-5)
+    np.testing.assert_allclose(end, C_ei.apply(r0 + y[:3]), atol=2e-7)
     # attitude: inertially fixed; rad
     C_nb = Rotation.from_quat(nav.q_nb[-1], scalar_first=True).as_matrix()
     C_eb = C_en(nav.lat[-1], nav.lon[-1]) @ C_nb
-    np.testing.assert_allclose(C_eb, C_ei.as_matrix() @ C_en(lat, lon), atol=1e-10)
+    np.testing.assert_allclose(C_eb, C_ei.as_matrix() @ C_en(lat, lon), atol=1e-12)
 
 
 @EACH_FRAME
@@ -287,8 +289,8 @@ def test_coriolis_deflects_a_fall(mechanization: str, lat_deg: float, up: float)
     radius = EQUATORIAL_RADIUS / np.sqrt(1.0 - E2 * np.sin(lat) ** 2) + 4000.0
     east = (nav.lon[-1] - 1.0) * radius * np.cos(lat)
     expected = OMEGA * np.cos(lat) * (g * t**3 / 3.0 - up * t**2)
-    # 1.9 cosL m and -1.0 cosL m; height changes g and radius by 0.1 % on the way
-    assert east == pytest.approx(expected, rel=2e-3)
+    # 1.9 cosL m and -1.0 cosL m; g grows by 0.06 % on the 2 km down
+    assert east == pytest.approx(expected, rel=1e-3)
 
 
 # --- symmetries -----------------------------------------------------------------------------------
@@ -328,7 +330,7 @@ def distance(a: NavState, b: NavState) -> float:
 def test_the_south_mirrors_the_north(reconstruction: str, mechanization: str) -> None:
     """The same flight reflected in the equator's plane ends at the reflected point."""
     start, log, end = weaving_log(24.0, 0.02)
-    choices = {"reconstruction": reconstruction, "mechanization": mechanization}
+    choices: Any = {"reconstruction": reconstruction, "mechanization": mechanization}
     north = nav_at(navigate(log, start, **choices), end)
     image = ImuSamples(
         t=log.t,
@@ -351,7 +353,7 @@ def test_time_reversal_returns_to_the_start(reconstruction: str, mechanization: 
     The Earth is reversed by reflection in a meridian plane, so that the same Earth serves.
     """
     start, log, end = weaving_log(60.0, 0.02)
-    choices = {"reconstruction": reconstruction, "mechanization": mechanization}
+    choices: Any = {"reconstruction": reconstruction, "mechanization": mechanization}
     there = nav_at(navigate(log, start, **choices), end)
     reversed_log = ImuSamples(
         t=(start.t + end - (log.t - log.dt))[::-1],
@@ -391,10 +393,18 @@ def test_blocks_leave_no_trace(reconstruction: str, mechanization: str) -> None:
     edges = np.cumsum(np.concatenate([[3.0], 0.01 + 0.002 * np.sin(np.arange(2400.0))]))
     log = samples(manoeuvre().increments(edges))
     start = state_at(manoeuvre(), float(edges[12]))
-    choices = {"reconstruction": reconstruction, "mechanization": mechanization}
+    seconds = np.arange(2.0, 32.0)  # s; the vertical loop carries the most from block to block
+    heights = BaroLoop(t=seconds, h=manoeuvre().state(seconds).h)
 
     def solved(log: ImuSamples, size: int) -> list[bytes]:
-        pieces = [columns(nav) for nav in solve(log.blocks(size), start, **choices)]
+        solutions = solve(
+            log.blocks(size),
+            start,
+            reconstruction=reconstruction,
+            mechanization=mechanization,
+            vertical=heights,
+        )
+        pieces = [columns(nav) for nav in solutions]
         return [b"".join(column) for column in zip(*pieces, strict=True)]
 
     assert solved(log, 1000) == solved(log, 2400)

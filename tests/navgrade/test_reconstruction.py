@@ -259,7 +259,7 @@ def test_truth_solves_the_differential_equation() -> None:
     C, dv, dr = motion.moved(-0.3, 1.0)
     truth = np.concatenate([C.ravel(), dv[0], dr[0]])
     # some ten steps of 1e-13 of values up to 20
-    np.testing.assert_allclose(truth, done.y[:, -1], rtol=0, atol=1e-11)
+    np.testing.assert_allclose(truth, done.y[:, -1], rtol=0, atol=1e-12)
 
 
 def centred_edges(window: int, h: float) -> Array:
