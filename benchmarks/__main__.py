@@ -1,4 +1,4 @@
-"""Measure what the documentation claims: ``python -m benchmarks [accuracy|speed] [--write]``."""
+"""Measure what the documentation claims: ``python -m benchmarks [accuracy|speed|solvers]``."""
 
 from __future__ import annotations
 
@@ -88,13 +88,17 @@ def speed() -> None:
 def main() -> None:
     """Run the benchmarks named on the command line, all of them by default."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
-    parser.add_argument("what", nargs="?", choices=("accuracy", "speed", "all"), default="all")
+    parser.add_argument("what", nargs="?", choices=("accuracy", "speed", "solvers", "all"), default="all")
     parser.add_argument("--write", action="store_true", help="write docs/accuracy.md")
     options = parser.parse_args()
     if options.what in ("accuracy", "all"):
         accuracy(options.write)
     if options.what in ("speed", "all"):
         speed()
+    if options.what in ("solvers", "all"):
+        from benchmarks.picard import picard_table
+
+        print("\n".join(picard_table()))
 
 
 if __name__ == "__main__":

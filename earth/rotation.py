@@ -59,13 +59,18 @@ def rotvec_to_quat_change(phi):
     if x2 < _TINY:
         w = -0.5 * y
         s = 0.5 - y * (1.0 / 12.0)
-    elif x2 < _SMALL:
+    else:
+        # halved until the series holds, then doubled: in a loop a call would cost every turn,
+        # for the registers it claims, even where it is never reached
+        halvings = 0
+        while _SMALL <= 4.0 * y < np.inf:
+            y *= 0.25
+            halvings += 1
         w = -y * (0.5 - y * (1.0 / 24.0 - y * (1.0 / 720.0 - y * (1.0 / 40320.0))))
         s = 0.5 - y * (1.0 / 12.0 - y * (1.0 / 240.0 - y * (1.0 / 10080.0 - y * (1.0 / 725760.0))))
-    else:
-        x = np.sqrt(x2)
-        w = -2.0 * np.sin(0.25 * x) ** 2
-        s = np.sin(0.5 * x) / x
+        for _ in range(halvings):
+            s *= 1.0 + w
+            w *= 2.0 * (2.0 + w)
     return w, s * phi[0], s * phi[1], s * phi[2]
 
 

@@ -5,30 +5,16 @@ This stage knows nothing of sampling. A frame is one file and one line of the re
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from typing import Protocol
 
-from navgrade.imu import BodyIncrements
 from navgrade.mechanization.cartesian import Cartesian
+from navgrade.mechanization.frame import Frame
 from navgrade.mechanization.ned import Ned
 from navgrade.mechanization.wander import Wander
 from navgrade.mechanization.world import VERTICAL, World
-from navgrade.state import Columns, NavState, Trajectory
-
-
-class Mechanizer(Protocol):
-    """A state that body increments advance."""
-
-    def advance(self, increments: BodyIncrements, room: Columns | None = None) -> Trajectory:
-        """Integrate a block of increments, into `room` where given."""
-
-
-class MechanizerFactory(Protocol):
-    """Makes a `Mechanizer` from an initial state."""
-
-    def __call__(self, state: NavState, world: World, epoch_ns: int = 0) -> Mechanizer:
-        """Start at `state`."""
+from navgrade.state import NavState
 
 
 @dataclass(frozen=True)
@@ -40,20 +26,21 @@ class Mechanization:
     summary : str
     order : int
         Global order of the position error in the interval, given exact body increments.
-    start : MechanizerFactory
+    start : callable
+        ``start(state, world, epoch_ns)`` makes the `Frame` at a state.
     """
 
     summary: str
     order: int
-    start: MechanizerFactory
+    start: Callable[[NavState, World, int], Frame]
 
 
 MECHANIZATIONS: dict[str, Mechanization] = {
-    "n": Mechanization("north-east-down, to latitude ±89.9°", 4, Ned),
-    "e": Mechanization("Earth-fixed, everywhere", 4, partial(Cartesian, True)),
-    "i": Mechanization("inertial, everywhere", 4, partial(Cartesian, False)),
-    "w": Mechanization("wander azimuth, everywhere", 4, Wander),
+    "n": Mechanization("north-east-down, to latitude ±89.9°", 2, Ned),
+    "e": Mechanization("Earth-fixed, everywhere", 2, partial(Cartesian, True)),
+    "i": Mechanization("inertial, everywhere", 2, partial(Cartesian, False)),
+    "w": Mechanization("wander azimuth, everywhere", 2, Wander),
 }
 DEFAULT = "n"
 
-__all__ = ["DEFAULT", "MECHANIZATIONS", "VERTICAL", "Mechanization", "World"]
+__all__ = ["DEFAULT", "MECHANIZATIONS", "VERTICAL", "Frame", "Mechanization", "World"]

@@ -15,26 +15,28 @@ import numpy as np
 
 from earth._jit import formula, kernel
 from earth.geodetic import ecef_from_geodetic, meridian_plane
-from earth.gravity import gravity, kernel_for, needs_place
-from earth.rotation import quat_product, quat_rotate
-from navgrade.imu import BodyIncrements
+from earth.gravity import gravity, needs_place
+from earth.rotation import cross, quat_product, quat_rotate
+from navgrade.mechanization.frame import Frame
 from navgrade.mechanization.local import direction, from_local, to_local
 from navgrade.mechanization.step import (
     FREE,
     attitude_after,
     compensated_sum,
-    displacement,
+    compensated_sums,
+    corrected,
+    predicted,
     to_middle,
-    velocity_after,
+    velocity_change,
     vertical_correction,
 )
 from navgrade.mechanization.world import World
-from navgrade.state import Columns, NavState, Trajectory
+from navgrade.state import NavState
 
 # What one block hands to the next: r (3), v (3), q (4), lost by the sums of r (3), acceleration at
-# the last interval's middle (3), its length, time since the start and lost by its sum, and the
-# acceleration error the vertical loop has found.
-_CARRY = 20
+# the last interval's middle (3), its length, time since the start and lost by its sum, the
+# acceleration error the vertical loop has found, lost by the sums of v (3).
+_CARRY = 23
 
 
 @formula
@@ -88,19 +90,22 @@ def propagate(
     r = (carry[0], carry[1], carry[2])
     v = (carry[3], carry[4], carry[5])
     q = (carry[6], carry[7], carry[8], carry[9])
-    lost_x, lost_y, lost_z = carry[10], carry[11], carry[12]
+    lost_r = (carry[10], carry[11], carry[12])
     rest = (carry[13], carry[14], carry[15])
     dt_before = carry[16]
     elapsed, lost_t = carry[17], carry[18]
     bias = carry[19]
+    lost_v = (carry[20], carry[21], carry[22])
     rate = (0.0, 0.0, spin)
     drift = params.omega - spin  # of the Earth in the frame
     n = dts.shape[0]
     for k in range(n):
         dt = dts[k]
+        per_dt = 1.0 / dt
         A = quat_rotate(q, (dvs[k, 0], dvs[k, 1], dvs[k, 2]))
         D = quat_rotate(q, (drs[k, 0], drs[k, 1], drs[k, 2]))
-        moved = displacement(v, A, D, rest, rest, rate, dt, dt_before)
+        W = cross(rate, A)
+        moved = predicted(v, A, D, W, rest, dt)
         middle = to_middle(v, moved, dt)
         before = rest
         rest = acceleration(
@@ -109,16 +114,13 @@ def propagate(
             spin,
             drift * (elapsed + 0.5 * dt),
             (r[0] + middle[0], r[1] + middle[1], r[2] + middle[2]),
-            (moved[0] / dt, moved[1] / dt, moved[2] / dt),
+            (per_dt * moved[0], per_dt * moved[1], per_dt * moved[2]),
         )
-        moved = displacement(v, A, D, rest, before, rate, dt, dt_before)
-        v = velocity_after(v, A, D, rest, rate, dt)
+        moved = corrected(moved, rest, before, dt, dt_before)
+        v, lost_v = compensated_sums(v, lost_v, velocity_change(A, D, W, rest, rate, dt))
         q = attitude_after(q, (phis[k, 0], phis[k, 1], phis[k, 2]), rate, dt)
         dt_before = dt
-        x, lost_x = compensated_sum(r[0], lost_x, moved[0])
-        y, lost_y = compensated_sum(r[1], lost_y, moved[1])
-        z, lost_z = compensated_sum(r[2], lost_z, moved[2])
-        r = (x, y, z)
+        r, lost_r = compensated_sums(r, lost_r, moved)
         elapsed, lost_t = compensated_sum(elapsed, lost_t, dt)
 
         sin_lat, cos_lat, sin_lon, cos_lon, h = _normal(params, r)
@@ -132,10 +134,7 @@ def propagate(
                 v[1] - dv * up[1] + carried * up[0],
                 v[2] - dv * up[2],
             )
-            x, lost_x = compensated_sum(r[0], lost_x, dh * up[0])
-            y, lost_y = compensated_sum(r[1], lost_y, dh * up[1])
-            z, lost_z = compensated_sum(r[2], lost_z, dh * up[2])
-            r = (x, y, z)
+            r, lost_r = compensated_sums(r, lost_r, (dh * up[0], dh * up[1], dh * up[2]))
             h += dh
         if not h < np.inf:
             return k
@@ -157,31 +156,27 @@ def propagate(
     carry[0], carry[1], carry[2] = r
     carry[3], carry[4], carry[5] = v
     carry[6], carry[7], carry[8], carry[9] = q
-    carry[10], carry[11], carry[12] = lost_x, lost_y, lost_z
+    carry[10], carry[11], carry[12] = lost_r
     carry[13], carry[14], carry[15] = rest
     carry[16], carry[17], carry[18], carry[19] = dt_before, elapsed, lost_t, bias
+    carry[20], carry[21], carry[22] = lost_v
     return n
 
 
-class Cartesian:
-    """Steps a state through body increments in frame e or i.
+class Cartesian(Frame):
+    """Frame e, which turns with the Earth, or frame i, which does not.
 
     Parameters
     ----------
     turns : bool
-        Frame e turns with the Earth, frame i does not.
     state : NavState
     world : World
     epoch_ns : int
-        Carried into the trajectories.
     """
 
     def __init__(self, turns: bool, state: NavState, world: World, epoch_ns: int = 0) -> None:
-        self._world = world
-        self._epoch_ns = epoch_ns
-        self._rows = 0
         params = world.params
-        self._spin = params.omega if turns else 0.0
+        spin = params.omega if turns else 0.0
         lat, lon = np.array([state.lat, state.lon])
         v, q = from_local(
             np.sin(lat),
@@ -192,33 +187,11 @@ class Cartesian:
             state.q_nb,
         )
         r = ecef_from_geodetic(params, lat, lon, state.h)
-        drift = params.omega - self._spin
+        drift = params.omega - spin
         v = (v[0] - drift * r[1], v[1] + drift * r[0], v[2])
-        self._carry = np.zeros(_CARRY)
-        self._carry[:3] = r
-        self._carry[3:6] = v
-        self._carry[6:10] = q
-        self._carry[13:16] = acceleration(params, world.field, self._spin, 0.0, r, v)
-
-    def advance(self, increments: BodyIncrements, room: Columns | None = None) -> Trajectory:
-        """Integrate a block, into `room` where given; the values do not depend on block ends."""
-        n = len(increments)
-        out = Columns.empty(n) if room is None else room
-        heights, status = self._world.heights(increments)
-        done = kernel_for(propagate, self._world.field)(
-            self._world.params,
-            self._world.field,
-            self._world.channel,
-            self._spin,
-            increments.dt,
-            increments.phi,
-            increments.dv,
-            increments.dr,
-            heights,
-            self._carry,
-            *out,
-        )
-        if done < n:
-            raise self._world.no_solution(increments.t[done], self._rows + done)
-        self._rows += n
-        return Trajectory.made(increments.t, out, status, self._epoch_ns)
+        carry = np.zeros(_CARRY)
+        carry[:3] = r
+        carry[3:6] = v
+        carry[6:10] = q
+        carry[13:16] = acceleration(params, world.field, spin, 0.0, r, v)
+        super().__init__(world, epoch_ns, propagate, carry, spin)

@@ -16,52 +16,56 @@ import numpy as np
 
 from earth._jit import formula, kernel
 from earth.geodetic import radii
-from earth.gravity import gravity, kernel_for
+from earth.gravity import gravity
 from earth.rates import earth_rate, transport_rate
 from earth.rotation import cross, quat_rotate
 from earth.units import DEG
 from navgrade.errors import NumericalError
-from navgrade.imu import BodyIncrements
+from navgrade.mechanization.frame import Frame
 from navgrade.mechanization.step import (
     FREE,
     attitude_after,
     compensated_sum,
-    displacement,
+    compensated_sums,
+    corrected,
+    predicted,
     to_middle,
-    velocity_after,
+    velocity_change,
     vertical_correction,
 )
 from navgrade.mechanization.world import World
-from navgrade.state import Columns, NavState, Trajectory
+from navgrade.state import NavState
 
 MAX_LATITUDE = 89.9 * DEG  # beyond it the transport rate about down outgrows the step
+REACH = 1e-3  # rad from the anchor latitude
 
 # What one block hands to the next: lat, lon, h, v (3), q (4), lost by the sums of lat, lon, h (3),
 # and of the last interval's middle: acceleration (3), omega_in_n (3), angles per metre (3), the
-# anchor latitude, its sine and cosine; length of the last interval, and the acceleration error
-# the vertical loop has found.
-_CARRY = 27
+# anchor latitude, its sine and cosine; length of the last interval; the acceleration error the
+# vertical loop has found; lost by the sums of v (3).
+_CARRY = 30
 
 
 @formula
-def sin_cos_near(lat, near):
-    """Return sine and cosine of `lat`, and the anchor (latitude, sine, cosine) they grew from.
+def sin_cos_near(x, anchor):
+    """Return sine and cosine of a latitude `x` from the anchor's (latitude, sine, cosine).
 
-    Within 1e-3 rad of the anchor by the addition theorem, to rounding; otherwise anew. A step
-    moves so little that this spares it the two library calls it would wait for longest.
+    By the addition theorem, to rounding within `REACH`: a step moves so little that this spares
+    it the two library calls it would wait for longest.
     """
-    x = lat - near[0]
-    if abs(x) > 1e-3:
-        near = (lat, np.sin(lat), np.cos(lat))
-        return near[1], near[2], near
     x2 = x * x
     sin_x = x * (1.0 - x2 * (1.0 / 6.0 - x2 * (1.0 / 120.0)))
     versine = x2 * (0.5 - x2 * (1.0 / 24.0 - x2 * (1.0 / 720.0)))
     return (
-        near[1] + (near[2] * sin_x - near[1] * versine),
-        near[2] - (near[1] * sin_x + near[2] * versine),
-        near,
+        anchor[1] + (anchor[2] * sin_x - anchor[1] * versine),
+        anchor[2] - (anchor[1] * sin_x + anchor[2] * versine),
     )
+
+
+@formula
+def middle_latitude(lat, v, per_metre, dt):
+    """Return the latitude in the middle of a step, rad; acceleration moves it by 0.1 mm at most."""
+    return lat + 0.5 * dt * v[0] * per_metre[0]
 
 
 @formula
@@ -113,53 +117,66 @@ def propagate(
     rate = (carry[16], carry[17], carry[18])
     per_metre = (carry[19], carry[20], carry[21])
     near = (carry[22], carry[23], carry[24])
-    dt_before = carry[25]
-    bias = carry[26]
+    dt_before, bias = carry[25], carry[26]
+    lost_v = (carry[27], carry[28], carry[29])
     n = dts.shape[0]
-    for k in range(n):
-        dt = dts[k]
-        A = quat_rotate(q, (dvs[k, 0], dvs[k, 1], dvs[k, 2]))
-        D = quat_rotate(q, (drs[k, 0], drs[k, 1], drs[k, 2]))
-        moved = displacement(v, A, D, rest, rest, rate, dt, dt_before)
-        middle = to_middle(v, moved, dt)
-        middle_lat = lat + middle[0] * per_metre[0]
-        middle_lon = lon + middle[1] * per_metre[1]
-        sin_lat, cos_lat, near = sin_cos_near(middle_lat, near)
-        mean_v = (moved[0] / dt, moved[1] / dt, moved[2] / dt)
-        before = rest
-        rest, rate, per_metre = surroundings(
-            params, field, sin_lat, cos_lat, middle_lat, middle_lon, h - middle[2], mean_v
-        )
-        moved = displacement(v, A, D, rest, before, rate, dt, dt_before)
-        v = velocity_after(v, A, D, rest, rate, dt)
-        q = attitude_after(q, (phis[k, 0], phis[k, 1], phis[k, 2]), rate, dt)
-        dt_before = dt
+    k = 0
+    while k < n:
+        # outside the loop of steps: a call in it would cost every step, for the registers it claims
+        if abs(middle_latitude(lat, v, per_metre, dts[k]) - near[0]) > REACH:
+            near = (lat, np.sin(lat), np.cos(lat))
+        first = k
+        for k in range(first, n):
+            dt = dts[k]
+            middle_lat = middle_latitude(lat, v, per_metre, dt)
+            x = middle_lat - near[0]
+            if abs(x) > REACH and k > first:
+                break
+            sin_lat, cos_lat = sin_cos_near(x, near)
+            per_dt = 1.0 / dt
+            A = quat_rotate(q, (dvs[k, 0], dvs[k, 1], dvs[k, 2]))
+            D = quat_rotate(q, (drs[k, 0], drs[k, 1], drs[k, 2]))
+            W = cross(rate, A)
+            moved = predicted(v, A, D, W, rest, dt)
+            middle = to_middle(v, moved, dt)
+            mean_v = (per_dt * moved[0], per_dt * moved[1], per_dt * moved[2])
+            middle_lon = lon + middle[1] * per_metre[1]
+            before = rest
+            rest, rate, per_metre = surroundings(
+                params, field, sin_lat, cos_lat, middle_lat, middle_lon, h - middle[2], mean_v
+            )
+            moved = corrected(moved, rest, before, dt, dt_before)
+            v, lost_v = compensated_sums(v, lost_v, velocity_change(A, D, W, rest, rate, dt))
+            q = attitude_after(q, (phis[k, 0], phis[k, 1], phis[k, 2]), rate, dt)
+            dt_before = dt
 
-        lat, lost_lat = compensated_sum(lat, lost_lat, moved[0] * per_metre[0])
-        lon, lost_lon = compensated_sum(lon, lost_lon, moved[1] * per_metre[1])
-        h, lost_h = compensated_sum(h, lost_h, -moved[2])
-        if channel.mode != FREE:
-            dh, dv_down, bias = vertical_correction(channel, h, v[2], heights[k], bias, dt)
-            h, lost_h = compensated_sum(h, lost_h, dh)
-            v = (v[0], v[1], v[2] + dv_down)
+            lat, lost_lat = compensated_sum(lat, lost_lat, moved[0] * per_metre[0])
+            lon, lost_lon = compensated_sum(lon, lost_lon, moved[1] * per_metre[1])
+            h, lost_h = compensated_sum(h, lost_h, -moved[2])
+            if channel.mode != FREE:
+                dh, dv_down, bias = vertical_correction(channel, h, v[2], heights[k], bias, dt)
+                h, lost_h = compensated_sum(h, lost_h, dh)
+                v = (v[0], v[1], v[2] + dv_down)
 
-        if lon > np.pi:
-            lon -= 2.0 * np.pi
-        elif lon < -np.pi:
-            lon += 2.0 * np.pi
-        if not abs(lat) <= max_latitude:
-            carry[0] = lat
-            return k
-        lat_out[k] = lat
-        lon_out[k] = lon
-        h_out[k] = h
-        v_out[k, 0] = v[0]
-        v_out[k, 1] = v[1]
-        v_out[k, 2] = v[2]
-        q_out[k, 0] = q[0]
-        q_out[k, 1] = q[1]
-        q_out[k, 2] = q[2]
-        q_out[k, 3] = q[3]
+            if lon > np.pi:
+                lon -= 2.0 * np.pi
+            elif lon < -np.pi:
+                lon += 2.0 * np.pi
+            if not abs(lat) <= max_latitude:
+                carry[0] = lat
+                return k
+            lat_out[k] = lat
+            lon_out[k] = lon
+            h_out[k] = h
+            v_out[k, 0] = v[0]
+            v_out[k, 1] = v[1]
+            v_out[k, 2] = v[2]
+            q_out[k, 0] = q[0]
+            q_out[k, 1] = q[1]
+            q_out[k, 2] = q[2]
+            q_out[k, 3] = q[3]
+        else:
+            k = n
     carry[0], carry[1], carry[2] = lat, lon, h
     carry[3], carry[4], carry[5] = v
     carry[6], carry[7], carry[8], carry[9] = q
@@ -169,18 +186,18 @@ def propagate(
     carry[19], carry[20], carry[21] = per_metre
     carry[22], carry[23], carry[24] = near
     carry[25], carry[26] = dt_before, bias
+    carry[27], carry[28], carry[29] = lost_v
     return n
 
 
-class Ned:
-    """Steps a state through body increments in frame n.
+class Ned(Frame):
+    """Frame n; the parameters are those of every frame.
 
     Parameters
     ----------
     state : NavState
     world : World
     epoch_ns : int
-        Carried into the trajectories.
 
     Raises
     ------
@@ -189,53 +206,30 @@ class Ned:
     """
 
     def __init__(self, state: NavState, world: World, epoch_ns: int = 0) -> None:
-        self._world = world
-        self._epoch_ns = epoch_ns
-        self._rows = 0
         if abs(state.lat) > MAX_LATITUDE:
-            raise self._too_far_north(state.t)
-        self._carry = np.zeros(_CARRY)
-        self._carry[:3] = state.lat, state.lon, state.h
-        self._carry[3:6] = v = world.start_velocity(state)
-        self._carry[6:10] = state.q_nb
+            raise _beyond(state.t, 0)
+        v = world.start_velocity(state)
         sin_lat, cos_lat = np.sin(state.lat), np.cos(state.lat)
-        self._carry[13:22] = np.concatenate(
+        carry = np.zeros(_CARRY)
+        carry[:3] = state.lat, state.lon, state.h
+        carry[3:6] = v
+        carry[6:10] = state.q_nb
+        carry[13:22] = np.concatenate(
             surroundings(
                 world.params, world.field, sin_lat, cos_lat, state.lat, state.lon, state.h, v
             )
         )
-        self._carry[22:25] = state.lat, sin_lat, cos_lat
+        carry[22:25] = state.lat, sin_lat, cos_lat
+        super().__init__(world, epoch_ns, propagate, carry, MAX_LATITUDE)
 
-    def advance(self, increments: BodyIncrements, room: Columns | None = None) -> Trajectory:
-        """Integrate a block, into `room` where given; the values do not depend on block ends."""
-        n = len(increments)
-        out = Columns.empty(n) if room is None else room
-        heights, status = self._world.heights(increments)
-        done = kernel_for(propagate, self._world.field)(
-            self._world.params,
-            self._world.field,
-            self._world.channel,
-            MAX_LATITUDE,
-            increments.dt,
-            increments.phi,
-            increments.dv,
-            increments.dr,
-            heights,
-            self._carry,
-            *out,
-        )
-        if done < n:
-            if np.isnan(self._carry[0]):
-                raise self._world.no_solution(increments.t[done], self._rows + done)
-            raise self._too_far_north(float(increments.t[done]), self._rows + done)
-        self._rows += n
-        return Trajectory.made(increments.t, out, status, self._epoch_ns)
+    def _stopped(self, t: float, row: int) -> NumericalError:
+        return super()._stopped(t, row) if np.isnan(self._carry[0]) else _beyond(t, row)
 
-    @staticmethod
-    def _too_far_north(t: float, index: int = 0) -> NumericalError:
-        return NumericalError(
-            f"frame n ends at latitude ±89.9°, passed at {t:.3f} s; crossing a pole takes a frame "
-            "without a north direction: w (wander azimuth) or e (Earth-fixed)",
-            index=index,
-            t=t,
-        )
+
+def _beyond(t: float, row: int) -> NumericalError:
+    return NumericalError(
+        f"frame n ends at latitude ±89.9°, passed at {t:.3f} s; crossing a pole takes a frame "
+        "without a north direction: w (wander azimuth) or e (Earth-fixed)",
+        index=row,
+        t=t,
+    )

@@ -22,33 +22,46 @@ from earth.rotation import cross, quat_product, rotvec_to_quat_change
 
 
 @formula
-def velocity_after(v, A, D, rest, rate, dt):
-    """Return the velocity at the end of the interval, m/s."""
-    W = cross(rate, A)
-    lag = cross(rate, D)
-    second = cross(rate, W)
-    k = dt * dt * (1.0 / 6.0)
+def predicted(v, A, D, W, rest, dt):
+    """Return the integral of the velocity over the interval, m, as far as `rest` before tells it.
+
+    W = rate x A, of the interval before.
+    """
+    half = 0.5 * dt * dt
+    k = half * (1.0 / 3.0)
     return (
-        v[0] + ((A[0] + rest[0] * dt) + (lag[0] - dt * W[0] + k * second[0])),
-        v[1] + ((A[1] + rest[1] * dt) + (lag[1] - dt * W[1] + k * second[1])),
-        v[2] + ((A[2] + rest[2] * dt) + (lag[2] - dt * W[2] + k * second[2])),
+        (v[0] * dt + D[0]) + (half * rest[0] - k * W[0]),
+        (v[1] * dt + D[1]) + (half * rest[1] - k * W[1]),
+        (v[2] * dt + D[2]) + (half * rest[2] - k * W[2]),
     )
 
 
 @formula
-def displacement(v, A, D, rest, before, rate, dt, dt_before):
-    """Return the integral of the velocity over the interval, m.
-
-    `before` is `rest` at the middle of the interval before, `dt_before` long.
-    """
-    W = cross(rate, A)
+def corrected(moved, rest, before, dt, dt_before):
+    """Return the predicted displacement `moved` with `rest` at the middle and its slope, m."""
     half = 0.5 * dt * dt
-    k = half * (1.0 / 3.0)
-    slope = k * dt / (dt + dt_before)
+    k = half - half * (1.0 / 3.0) * (dt / (dt + dt_before))
     return (
-        v[0] * dt + (D[0] + (half * rest[0] - (k * W[0] + slope * (rest[0] - before[0])))),
-        v[1] * dt + (D[1] + (half * rest[1] - (k * W[1] + slope * (rest[1] - before[1])))),
-        v[2] * dt + (D[2] + (half * rest[2] - (k * W[2] + slope * (rest[2] - before[2])))),
+        moved[0] + k * (rest[0] - before[0]),
+        moved[1] + k * (rest[1] - before[1]),
+        moved[2] + k * (rest[2] - before[2]),
+    )
+
+
+@formula
+def velocity_change(A, D, W, rest, rate, dt):
+    """Return what the velocity gains over the interval, m/s."""
+    k = dt * dt * (1.0 / 6.0)
+    lag = (
+        D[0] - (dt * A[0] - k * W[0]),
+        D[1] - (dt * A[1] - k * W[1]),
+        D[2] - (dt * A[2] - k * W[2]),
+    )
+    turn = cross(rate, lag)
+    return (
+        A[0] + (rest[0] * dt + turn[0]),
+        A[1] + (rest[1] * dt + turn[1]),
+        A[2] + (rest[2] * dt + turn[2]),
     )
 
 
@@ -86,6 +99,15 @@ def compensated_sum(total, lost, term):
     y = term - lost
     new = total + y
     return new, (new - total) - y
+
+
+@formula
+def compensated_sums(totals, lost, terms):
+    """Return the new triple of sums and what they lost."""
+    x, lost_x = compensated_sum(totals[0], lost[0], terms[0])
+    y, lost_y = compensated_sum(totals[1], lost[1], terms[1])
+    z, lost_z = compensated_sum(totals[2], lost[2], terms[2])
+    return (x, y, z), (lost_x, lost_y, lost_z)
 
 
 class Channel(NamedTuple):

@@ -17,26 +17,28 @@ import numpy as np
 from earth._jit import formula, kernel
 from earth.frames import ned_to_ecef_quat
 from earth.geodetic import radii
-from earth.gravity import gravity, kernel_for, needs_place
+from earth.gravity import gravity, needs_place
 from earth.rotation import cross, quat_product, quat_rotate, rotvec_to_quat_change
-from navgrade.imu import BodyIncrements
+from navgrade.mechanization.frame import Frame
 from navgrade.mechanization.local import direction, to_local
 from navgrade.mechanization.step import (
     FREE,
     attitude_after,
     compensated_sum,
-    displacement,
+    compensated_sums,
+    corrected,
+    predicted,
     to_middle,
-    velocity_after,
+    velocity_change,
     vertical_correction,
 )
 from navgrade.mechanization.world import World
-from navgrade.state import Columns, NavState, Trajectory
+from navgrade.state import NavState
 
 # What one block hands to the next: q_ew (4), h, v (3), q_wb (4), lost by the sums of q_ew and h
 # (5), acceleration (3), omega_iw_w (3) and curvature (3) at the last interval's middle, its
-# length, and the acceleration error the vertical loop has found.
-_CARRY = 28
+# length, the acceleration error the vertical loop has found, lost by the sums of v (3).
+_CARRY = 31
 
 
 @formula
@@ -122,12 +124,15 @@ def propagate(
     rate = (carry[20], carry[21], carry[22])
     curvature = (carry[23], carry[24], carry[25])
     dt_before, bias = carry[26], carry[27]
+    lost_v = (carry[28], carry[29], carry[30])
     n = dts.shape[0]
     for k in range(n):
         dt = dts[k]
+        per_dt = 1.0 / dt
         A = quat_rotate(q, (dvs[k, 0], dvs[k, 1], dvs[k, 2]))
         D = quat_rotate(q, (drs[k, 0], drs[k, 1], drs[k, 2]))
-        moved = displacement(v, A, D, rest, rest, rate, dt, dt_before)
+        W = cross(rate, A)
+        moved = predicted(v, A, D, W, rest, dt)
         middle = to_middle(v, moved, dt)
         p = _axis(place)
         step = cross(p, turn_of(curvature, middle))
@@ -141,10 +146,10 @@ def propagate(
             (p[0] + step[0], p[1] + step[1], p[2] + step[2]),
             up,
             h - middle[2],
-            (moved[0] / dt, moved[1] / dt, moved[2] / dt),
+            (per_dt * moved[0], per_dt * moved[1], per_dt * moved[2]),
         )
-        moved = displacement(v, A, D, rest, before, rate, dt, dt_before)
-        v = velocity_after(v, A, D, rest, rate, dt)
+        moved = corrected(moved, rest, before, dt, dt_before)
+        v, lost_v = compensated_sums(v, lost_v, velocity_change(A, D, W, rest, rate, dt))
         q = attitude_after(q, (phis[k, 0], phis[k, 1], phis[k, 2]), rate, dt)
         dt_before = dt
 
@@ -187,61 +192,31 @@ def propagate(
     carry[20], carry[21], carry[22] = rate
     carry[23], carry[24], carry[25] = curvature
     carry[26], carry[27] = dt_before, bias
+    carry[28], carry[29], carry[30] = lost_v
     return n
 
 
-class Wander:
-    """Steps a state through body increments in frame w, which starts turned to north.
+class Wander(Frame):
+    """Frame w, which starts turned to north.
 
     Parameters
     ----------
     state : NavState
     world : World
     epoch_ns : int
-        Carried into the trajectories.
     """
 
     def __init__(self, state: NavState, world: World, epoch_ns: int = 0) -> None:
-        self._world = world
-        self._epoch_ns = epoch_ns
-        self._rows = 0
         lat, lon = np.array([state.lat, state.lon])
         place = ned_to_ecef_quat(np.sin(lat), np.cos(lat), np.sin(lon), np.cos(lon))
+        up = quat_rotate(place, (0.0, 0.0, -1.0))
         v = world.start_velocity(state)
-        self._carry = np.zeros(_CARRY)
-        self._carry[:4] = place
-        self._carry[4] = state.h
-        self._carry[5:8] = v
-        self._carry[8:12] = state.q_nb
-        self._carry[17:26] = np.concatenate(
-            surroundings(
-                world.params,
-                world.field,
-                _axis(place),
-                quat_rotate(place, (0.0, 0.0, -1.0)),
-                state.h,
-                v,
-            )
+        carry = np.zeros(_CARRY)
+        carry[:4] = place
+        carry[4] = state.h
+        carry[5:8] = v
+        carry[8:12] = state.q_nb
+        carry[17:26] = np.concatenate(
+            surroundings(world.params, world.field, _axis(place), up, state.h, v)
         )
-
-    def advance(self, increments: BodyIncrements, room: Columns | None = None) -> Trajectory:
-        """Integrate a block, into `room` where given; the values do not depend on block ends."""
-        n = len(increments)
-        out = Columns.empty(n) if room is None else room
-        heights, status = self._world.heights(increments)
-        done = kernel_for(propagate, self._world.field)(
-            self._world.params,
-            self._world.field,
-            self._world.channel,
-            increments.dt,
-            increments.phi,
-            increments.dv,
-            increments.dr,
-            heights,
-            self._carry,
-            *out,
-        )
-        if done < n:
-            raise self._world.no_solution(increments.t[done], self._rows + done)
-        self._rows += n
-        return Trajectory.made(increments.t, out, status, self._epoch_ns)
+        super().__init__(world, epoch_ns, propagate, carry)

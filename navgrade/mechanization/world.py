@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from earth.disturbance import DisturbanceGrid
 from earth.ellipsoid import WGS84, Ellipsoid, EllipsoidParams
 from earth.gravity import DEFAULT, GravityField, GravityFunction, gravity_field
-from navgrade.errors import NumericalError
 from navgrade.imu import BodyIncrements, Status
 from navgrade.mechanization.step import BARO, FREE, HOLD, Channel
 from navgrade.state import NavState
@@ -78,10 +77,3 @@ class World:
         heights = self.loop.heights_at(increments.t)
         unaided = np.where(np.isnan(heights), np.uint32(Status.UNAIDED), np.uint32(0))
         return heights, increments.status | unaided
-
-    def no_solution(self, t: float, index: int) -> NumericalError:
-        """Tell that the solution ended in values that are not finite."""
-        cause = "the increments are too large to be real"
-        if self.field.grid is not None:
-            cause = "the trajectory leaves the disturbance grid; give one that covers it"
-        return NumericalError(f"no finite solution at {t:.3f} s: {cause}", index=index, t=t)

@@ -40,7 +40,7 @@ def _causal(previous: int, order: int) -> Reconstruction:
 def _block(samples: int, summary: str) -> BlockForm:
     return BlockForm(
         summary,
-        order=3 if samples == 2 else 2,
+        order=3,
         coning_order=2 * samples,
         loop=partial(block_forms.reconstruct, samples),
         samples=samples,

@@ -145,28 +145,45 @@ def motion(dt, e0, e1, e2, e3, e4):
     K = bracket(e0, e1)
     second = bracket(e1, combined(1.0 / 30.0, e2, -1.0 / 60.0, K))
     high = bracket(e3, combined(1.0 / 126.0, e4, -1.0 / 70.0, e2))
-    inner = bracket(e0, combined(1.0 / 60.0, e2, -1.0 / 360.0, K))
+    u = combined(1.0 / 60.0, e2, -1.0 / 360.0, K)
+    inner = bracket(e0, u)
     outer = bracket(e0, inner)
     log = combined(1.0, combined(1.0 / 6.0, K, 1.0, second), 1.0, combined(1.0, high, 1.0, outer))
     phi, nu = combined(1.0, e0, 1.0, log)
+    b1, bi = e1[1], inner[1]
+    push = cross(e1[0], b1)
+    swing = cross(e0[0], b1)
+    u_b = u[1]
+    swung = cross(
+        e0[0],
+        (
+            (1.0 / 360.0) * swing[0] - u_b[0],
+            (1.0 / 360.0) * swing[1] - u_b[1],
+            (1.0 / 360.0) * swing[2] - u_b[2],
+        ),
+    )
+    rho = (
+        (1.0 / 60.0) * push[0] - (1.0 / 6.0) * b1[0] + (swung[0] - bi[0]),
+        (1.0 / 60.0) * push[1] - (1.0 / 6.0) * b1[1] + (swung[1] - bi[1]),
+        (1.0 / 60.0) * push[2] - (1.0 / 6.0) * b1[2] + (swung[2] - bi[2]),
+    )
 
     x2 = phi[0] * phi[0] + phi[1] * phi[1] + phi[2] * phi[2]
     r1, r2 = rotation_factors(x2)
     r3 = 1.0 / 24.0 - x2 * (1.0 / 720.0 - x2 * (1.0 / 40320.0))
     turn = cross(phi, nu)
     turn2 = cross(phi, turn)
-    b1, bi = e1[1], inner[1]
-    rho = (-b1[0] / 6.0 - bi[0], -b1[1] / 6.0 - bi[1], -b1[2] / 6.0 - bi[2])
     rise = cross(phi, rho)
+    rise2 = cross(phi, rise)
     dv = (
         nu[0] + (r1 * turn[0] + r2 * turn2[0]),
         nu[1] + (r1 * turn[1] + r2 * turn2[1]),
         nu[2] + (r1 * turn[2] + r2 * turn2[2]),
     )
     dr = (
-        dt * (0.5 * nu[0] + r2 * turn[0] + r3 * turn2[0] + rho[0] + 0.5 * rise[0]),
-        dt * (0.5 * nu[1] + r2 * turn[1] + r3 * turn2[1] + rho[1] + 0.5 * rise[1]),
-        dt * (0.5 * nu[2] + r2 * turn[2] + r3 * turn2[2] + rho[2] + 0.5 * rise[2]),
+        dt * (0.5 * nu[0] + r2 * turn[0] + r3 * turn2[0] + rho[0] + r1 * rise[0] + r2 * rise2[0]),
+        dt * (0.5 * nu[1] + r2 * turn[1] + r3 * turn2[1] + rho[1] + r1 * rise[1] + r2 * rise2[1]),
+        dt * (0.5 * nu[2] + r2 * turn[2] + r3 * turn2[2] + rho[2] + r1 * rise[2] + r2 * rise2[2]),
     )
     return phi, dv, dr
 

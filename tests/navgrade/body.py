@@ -17,7 +17,6 @@ from navgrade.reconstruction import reconstruct
 Array = NDArray[np.float64]
 
 COLUMNS = ("t", "dt", "phi", "dv", "dr", "status")
-INPUTS = ("t", "dt", "gyro", "accel", "status")
 TERMS = 40  # of the series in `Polynomial.moved`: over 1 s the next ones are below 1e-14
 
 
@@ -65,7 +64,12 @@ class Polynomial:
         dt = np.diff(edges)
         powers = np.arange(1.0, len(self.rate) + 1.0)[:, None, None]
         dtheta, dvel = (
-            np.array([(self._within(c, *s) / powers).sum(axis=0) for s in zip(edges[:-1], dt, strict=True)])
+            np.array(
+                [
+                    (self._within(c, *s) / powers).sum(axis=0)
+                    for s in zip(edges[:-1], dt, strict=True)
+                ]
+            )
             for c in (self.rate, self.force)
         )
         return [
@@ -85,26 +89,29 @@ class Polynomial:
             [np.stack(row, axis=-1) for row in ((o, -z, y), (z, o, -x), (-y, x, o))], axis=-2
         )
         C = [np.broadcast_to(np.eye(3), skew.shape[1:])]
-        v, r = [np.zeros(rate.shape[1:])], [np.zeros(rate.shape[1:])]
+        zero = np.zeros(rate.shape[1:])
+        v, r = [zero], [zero]
         for n in range(TERMS):
             known = range(min(len(rate), n + 1))
             r.append(v[n] / (n + 1))
-            v.append(sum((C[n - j] @ force[j, :, :, None])[..., 0] for j in known) / (n + 1))
-            C.append(sum(C[n - j] @ skew[j] for j in known) / (n + 1))
-        return sum(C), sum(v), h * sum(r)
+            v.append(
+                np.sum([(C[n - j] @ force[j, :, :, None])[..., 0] for j in known], axis=0) / (n + 1)
+            )
+            C.append(np.sum([C[n - j] @ skew[j] for j in known], axis=0) / (n + 1))
+        return np.sum(C, axis=0), np.sum(v, axis=0), h * np.sum(r, axis=0)
 
 
-def log_of(dt: ArrayLike, *, status: ArrayLike | None = None, seed: int = 11) -> ImuSamples:
+def log_of(dt: ArrayLike, *, status: NDArray[np.uint32] | None = None) -> ImuSamples:
     """Random increments over these intervals, s: 0.3 rad/s and 10 m/s^2."""
     dt = np.asarray(dt, dtype=np.float64)
-    values = np.random.default_rng(seed).standard_normal((2, len(dt), 3)) * dt[:, None]
+    values = np.random.default_rng(11).standard_normal((2, len(dt), 3)) * dt[:, None]
     return ImuSamples(
         t=7.0 + np.cumsum(dt),
         dt=dt,
         gyro=0.3 * values[0],
         accel=10.0 * values[1] + np.outer(dt, [0.0, 0.0, -9.8]),
         kind="increment",
-        status=status,
+        status=np.zeros(len(dt), np.uint32) if status is None else status,
     )
 
 
@@ -113,8 +120,10 @@ def varied_log() -> ImuSamples:
     rng = np.random.default_rng(12)
     equal, alternating = np.full(170, 0.01), np.tile([0.006, 0.004], 30)
     random = rng.uniform(0.004, 0.016, 50)
-    pieces = [equal, alternating, random, [0.12], equal, [0.03], equal[:40], equal / 8.0]
-    dt = np.concatenate(pieces)
+    long, stretched = np.array([0.12]), np.array([0.03])
+    dt = np.concatenate(
+        [equal, alternating, random, long, equal, stretched, equal[:40], equal / 8.0]
+    )
     status = np.zeros(len(dt), np.uint32)
     for start, count in ((100, 25), (130, 3), (200, 1), (300, 12), (len(dt) - 5, 2)):
         status[start : start + count] = Status.BRIDGED

@@ -16,6 +16,7 @@ from navgrade.errors import GapError
 from navgrade.gaps import Gap, without_gaps
 from navgrade.imu import concatenate
 from navgrade.navigation import solve
+from navgrade.reconstruction import DEFAULT
 from tests.navgrade.logmaking import EPOCH_NS, random_recording
 
 STEP = 0.01  # s
@@ -225,7 +226,12 @@ HOLES = {"none": 0, "stretched": 2, "bridged": 40}  # samples that are missing
 @pytest.mark.parametrize("hole", HOLES)
 @pytest.mark.parametrize(
     ("kind", "reconstruction"),
-    [*((kind, "causal-3") for kind in KINDS), ("increment", "causal-1"), ("average", "none")],
+    [
+        *((kind, DEFAULT) for kind in KINDS),
+        ("increment", "causal-3"),
+        ("increment", "samples-3"),
+        ("average", "none"),
+    ],
 )
 def test_the_solution_does_not_depend_on_blocks(
     kind: str, reconstruction: str, hole: str, size: int

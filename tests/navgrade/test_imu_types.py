@@ -300,21 +300,43 @@ def test_samples_before_the_state_are_context(kind: str, row: int) -> None:
     assert metres_between(rest, tail) < 1e-8
     assert np.max(np.abs(rest.v_eb_n - tail.v_eb_n)) < 1e-11  # m/s
     assert np.max(np.abs(rest.q_nb - tail.q_nb)) < 1e-14
-    if row >= 3:
-        assert not rest.status.any()
+    assert np.array_equal(rest.status, tail.status)
+    if row >= 4:
+        assert not rest.status[:-4].any()
 
 
-def test_without_the_context_the_first_windows_are_short() -> None:
+@pytest.mark.parametrize(
+    ("reconstruction", "status"),
+    [
+        ("causal-3", [Status.SHORT_WINDOW] * 3 + [0]),
+        ("centred-9", [Status.SHIFTED_WINDOW] * 4 + [0]),
+    ],
+)
+def test_without_the_context_the_first_windows_are_others(
+    reconstruction: str, status: list[int]
+) -> None:
     """What the test above would miss if samples before the state were dropped."""
     imu = swaying("increment")
-    whole = navgrade.navigate(imu, START)
-    cut = navgrade.navigate(imu[401:], whole.state(400))
-    short = np.uint32(Status.SHORT_WINDOW)
-    assert cut.status[:4].tolist() == [short, short, short, 0]
+    whole = navgrade.navigate(imu, START, reconstruction=reconstruction)
+    cut = navgrade.navigate(imu[401:], whole.state(400), reconstruction=reconstruction)
+    assert cut.status[: len(status)].tolist() == status
     assert metres_between(cut, whole[401:]) > 1e-7  # ten times the tolerance there
 
 
-@pytest.mark.parametrize("reconstruction", ["none", "causal-1", "causal-3"])
+@pytest.mark.parametrize("row", [3, 4, 5, 400])
+def test_block_forms_begin_their_groups_at_the_state(row: int) -> None:
+    """They look at nothing before it, so a log that begins there gives the same bits."""
+    imu = swaying("increment")
+    state = dataclasses.replace(START, t=float(imu.t[row]))
+    found = navgrade.navigate(imu, state, reconstruction="samples-3")
+    alone = navgrade.navigate(imu[row + 1 :], state, reconstruction="samples-3")
+    assert found.t[:2].tolist() == imu.t[[row + 3, row + 6]].tolist()
+    assert found.t[-1] == imu.t[-1]
+    for name in ("t", "lat", "lon", "h", "v_eb_n", "q_nb", "status"):
+        assert getattr(found, name).tobytes() == getattr(alone, name).tobytes()
+
+
+@pytest.mark.parametrize("reconstruction", ["none", "causal-3", "centred-9"])
 @pytest.mark.parametrize("kind", ["average", "increment", "compensated"])
 @pytest.mark.parametrize("share", [0.25, 0.5, 0.875])
 def test_a_state_inside_an_interval_splits_it_in_proportion(
@@ -403,6 +425,8 @@ def test_a_state_after_the_samples_is_refused(kind: str, offset: float) -> None:
     ("choice", "message"),
     [
         ({"reconstruction": "casual-3"}, "reconstruction 'casual-3'.*did you mean 'causal-3'"),
+        ({"reconstruction": "centered-9"}, "'centered-9' is not one of none, .*mean 'centred-9'"),
+        ({"reconstruction": "sample-2"}, "'sample-2' is not one of none, .*mean 'samples-2'"),
         ({"mechanization": "ned"}, "mechanization 'ned' is not one of n"),
         ({"vertical": "held"}, "vertical 'held'.*did you mean 'hold'"),
     ],

@@ -1,4 +1,4 @@
-"""Windows end where a stretch ends: at a bridged gap, at a jump of the interval, at an end of the log.
+"""Windows end where a stretch ends: at a bridged gap, a jump of the interval, an end of the log.
 
 What a row depends on is seen from outside: one sample is changed, and the rows whose bits change
 are those whose window holds it.
@@ -61,9 +61,10 @@ def windows(name: str, lengths: list[int]) -> list[tuple[int, int, int]]:
 
 def changed_rows(one: BodyIncrements, other: BodyIncrements) -> NDArray[np.bool_]:
     """Rows of which any bit differs."""
-    return np.any(
+    rows: NDArray[np.bool_] = np.any(
         [np.any(getattr(one, c) != getattr(other, c), axis=1) for c in ("phi", "dv", "dr")], axis=0
     )
+    return rows
 
 
 def with_changed(log: ImuSamples, sample: int) -> ImuSamples:
@@ -202,7 +203,7 @@ def test_rows_of_a_stretch_are_those_of_a_log_of_its_own(name: str) -> None:
 
 def test_the_solution_tells_where_windows_moved_aside() -> None:
     """At both ends of the log and on either side of a bridged gap, four rows under centred-9."""
-    log = dataclasses.replace(log_of(np.full(300, H)), t=H * np.arange(1, 301))
+    log = dataclasses.replace(log_of(np.full(300, H)), t=H * np.arange(1.0, 301.0))
     keep = np.r_[:100, 130:300]
     holed = dataclasses.replace(
         log, **{name: getattr(log, name)[keep] for name in ("t", "dt", "gyro", "accel", "status")}

@@ -55,6 +55,7 @@ def long_drive(kind: str) -> Recording:
         ("average", "causal-1", "hold", "rosbags"),
         ("increment", "causal-3", "free", "mcap-ros2-support"),
         ("compensated", "none", "free", "rosbags"),
+        ("rate", "centred-9", "free", "mcap-ros2-support"),
     ],
 )
 def test_the_file_holds_what_navigate_returns_to_the_bit(
@@ -148,11 +149,17 @@ def test_provenance_says_where_it_came_from(bench: Bench) -> None:
         "reconstruction": "causal-1",
         "frame": "n",
         "vertical": "hold",
+        "gravity": "closed-form",
+        "ellipsoid": "WGS84",
+        "dv_frame": "start",
         "samples": "500",
         "gaps": "0",
         "defects": "0",
         "samples_bridged": "0",
         "samples_stretched": "0",
+        "samples_short_window": "0",
+        "samples_shifted_window": "0",
+        "samples_unaided": "0",
     }
     assert {key: found.get(key) for key in wanted} == wanted
     alignment = json.loads(found["alignment"])
@@ -282,7 +289,8 @@ def test_brackets_in_a_path_are_printed_as_they_are(bench: Bench) -> None:
             (
                 *("LOG.mcap", "--config", "--output", "--imu-topic", "--kind", "--axes"),
                 *("--frame", "--reconstruction", "--vertical", "--output-rate", "--overwrite"),
-                *("--bridge-gaps", "--strict", "causal-3", "free", "hold"),
+                *("--bridge-gaps", "--strict", "--causal", "--gravity", "causal-3", "centred-9"),
+                *("free", "hold", "baro", "somigliana", "closed-form"),
             ),
         ),
         (("align",), ("LOG.mcap", "--config", "--imu-topic", "--kind", "--axes", "--json")),

@@ -68,7 +68,7 @@ def a_trajectory(
         h=rng.uniform(-400.0, 12_000.0, count),
         v_eb_n=rng.standard_normal((count, 3)) * 100.0,
         q_nb=quaternions(angles["roll"], angles["pitch"], angles["heading"]),
-        status=rng.integers(0, 8, count).astype(np.uint32),
+        status=rng.integers(0, 32, count).astype(np.uint32),
         epoch_ns=EPOCH_NS,
     )
     return nav, angles
