@@ -88,7 +88,8 @@ def speed() -> None:
 def main() -> None:
     """Run the benchmarks named on the command line, all of them by default."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
-    parser.add_argument("what", nargs="?", choices=("accuracy", "speed", "solvers", "all"), default="all")
+    choices = ("accuracy", "speed", "solvers", "all")
+    parser.add_argument("what", nargs="?", choices=choices, default="all")
     parser.add_argument("--write", action="store_true", help="write docs/accuracy.md")
     options = parser.parse_args()
     if options.what in ("accuracy", "all"):

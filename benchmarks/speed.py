@@ -72,10 +72,10 @@ def long_log() -> list[str]:
         done = subprocess.run(
             [sys.executable, "-c", code, str(count)], check=True, capture_output=True, text=True
         )
-        seconds, kilobytes = done.stdout.split()
+        seconds, kilobytes = map(float, done.stdout.split())
         lines.append(
-            f"  {count:>11,}: {float(seconds):6.2f} s, {float(seconds) / count * 1e9:5.0f} ns each, "
-            f"peak {int(kilobytes) / 1024:.0f} MB"
+            f"  {count:>11,}: {seconds:6.2f} s, {seconds / count * 1e9:5.0f} ns each, "
+            f"peak {kilobytes / 1024:.0f} MB"
         )
     return lines
 

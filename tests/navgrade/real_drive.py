@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+import tempfile
 from collections.abc import Iterable
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 import numpy as np
 
-from navgrade import navigate, read_imu
+from navgrade import ImuSamples, NavState, navigate, read_imu
 from navgrade.job import Choices, align_log, open_log
+from navgrade.logs import read_heights
 from navgrade.site import read_site
+from navgrade.vertical import BaroLoop
 from tests.oracles.constants import EQUATORIAL_RADIUS
 
 SITE = """
@@ -25,6 +29,13 @@ height_m = 39.94
 start_s = 5.0
 duration_s = 515.0
 """
+BARO = """
+[baro]
+topic = "/gnss/fix"
+field = "altitude"
+quantity = "height_m"
+"""
+LOG = "kingston_hg1700_drive.mcap"
 DRIVE_STARTS = 528.0  # s after the first sample, by the reference's speed
 
 
@@ -38,23 +49,39 @@ class DriveError:
     roll_pitch: float
 
 
+@dataclass(frozen=True)
+class Drive:
+    """The log, the state aligned on the stop before it, and heights once a second."""
+
+    imu: ImuSamples
+    state: NavState
+    baro: BaroLoop
+
+
 def site_file(folder: Path) -> Path:
     """Write the site file of the drive."""
     path = folder / "kingston.toml"
-    path.write_text(SITE)
+    path.write_text(SITE + BARO)
     return path
 
 
-def drive_errors(shared: Path, seconds: Iterable[float]) -> dict[float, DriveError]:
-    """Errors after so many seconds of driving, aligned on the stop before it."""
-    import tempfile
-
-    path = shared / "kingston_hg1700_drive.mcap"
+@cache
+def drive(shared: Path) -> Drive:
+    """Read and align the drive; kept, for it takes a second."""
+    path = shared / LOG
     with tempfile.TemporaryDirectory() as folder:
         site = read_site(site_file(Path(folder)))
     aligned = align_log(open_log(path, site, Choices()), site)
     imu = read_imu(path, kind="average", axes="RFU")
-    nav = navigate(imu, aligned.state)
+    heights = read_heights(path, "/gnss/fix", field="altitude", quantity="height_m")
+    baro = BaroLoop(heights.seconds(imu.epoch_ns), heights.h)
+    return Drive(imu, aligned.state, baro)
+
+
+def drive_errors(shared: Path, seconds: Iterable[float]) -> dict[float, DriveError]:
+    """Errors after so many seconds of driving, aligned on the stop before it."""
+    imu = drive(shared).imu
+    nav = navigate(imu, drive(shared).state)
     table = np.genfromtxt(shared / "kingston_hg1700_reference.csv", delimiter=",", skip_header=1)
     t = table[:, 0] - imu.epoch_ns * 1e-9  # 1e-7 s: a Unix time in a double
 
