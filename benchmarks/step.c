@@ -24,6 +24,8 @@ static const double WEIGHTS[4][3] = {
     {113.0 / 840, -26.0 / 840, 3.0 / 840},
 };
 
+static const double REACH = 1e-3; /* rad */
+
 static inline vec cross(vec a, vec b)
 {
     return (vec){a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x};
@@ -65,13 +67,16 @@ static inline quat change_of(vec phi)
     if (x2 < 1e-8) {
         w = -0.5 * y;
         s = 0.5 - y * (1.0 / 12.0);
-    } else if (x2 < 0.03) {
+    } else {
+        int halvings = 0;
+        for (; 0.03 <= 4.0 * y && 4.0 * y < INFINITY; halvings++)
+            y *= 0.25;
         w = -y * (0.5 - y * (1.0 / 24.0 - y * (1.0 / 720.0 - y * (1.0 / 40320.0))));
         s = 0.5 - y * (1.0 / 12.0 - y * (1.0 / 240.0 - y * (1.0 / 10080.0 - y * (1.0 / 725760.0))));
-    } else {
-        double x = sqrt(x2), q = sin(0.25 * x);
-        w = -2.0 * q * q;
-        s = sin(0.5 * x) / x;
+        for (; halvings; halvings--) {
+            s *= 1.0 + w;
+            w *= 2.0 * (2.0 + w);
+        }
     }
     return (quat){w, s * phi.x, s * phi.y, s * phi.z};
 }
@@ -120,19 +125,17 @@ static inline void body(long k, const double *dt, const double *dtheta, const do
 #undef AXIS
 }
 
-static inline void sin_cos_near(double lat, anchor *near, double *sine, double *cosine)
+static inline void sin_cos_near(double x, anchor near, double *sine, double *cosine)
 {
-    double x = lat - near->lat;
-    if (fabs(x) > 1e-3) {
-        *near = (anchor){lat, sin(lat), cos(lat)};
-        *sine = near->sine;
-        *cosine = near->cosine;
-        return;
-    }
     double x2 = x * x, sin_x = x * (1.0 - x2 * (1.0 / 6.0 - x2 * (1.0 / 120.0)));
     double versine = x2 * (0.5 - x2 * (1.0 / 24.0 - x2 * (1.0 / 720.0)));
-    *sine = near->sine + (near->cosine * sin_x - near->sine * versine);
-    *cosine = near->cosine - (near->sine * sin_x + near->cosine * versine);
+    *sine = near.sine + (near.cosine * sin_x - near.sine * versine);
+    *cosine = near.cosine - (near.sine * sin_x + near.cosine * versine);
+}
+
+static inline double middle_latitude(double lat, vec v, vec per_metre, double dt)
+{
+    return lat + 0.5 * dt * v.x * per_metre.x;
 }
 
 static inline place surroundings(const world *w, double sine, double cosine, double h, vec v)
@@ -161,26 +164,39 @@ static inline place surroundings(const world *w, double sine, double cosine, dou
     };
 }
 
-static inline vec displacement(vec v, vec A, vec D, vec rest, vec before, vec rate, double dt,
-                               double dt_before)
+static inline vec predicted(vec v, vec D, vec W, vec rest, double dt)
 {
-    vec W = cross(rate, A);
-    double half = 0.5 * dt * dt, k = half * (1.0 / 3.0), slope = k * dt / (dt + dt_before);
+    double half = 0.5 * dt * dt, k = half * (1.0 / 3.0);
     return (vec){
-        v.x * dt + (D.x + (half * rest.x - (k * W.x + slope * (rest.x - before.x)))),
-        v.y * dt + (D.y + (half * rest.y - (k * W.y + slope * (rest.y - before.y)))),
-        v.z * dt + (D.z + (half * rest.z - (k * W.z + slope * (rest.z - before.z)))),
+        (v.x * dt + D.x) + (half * rest.x - k * W.x),
+        (v.y * dt + D.y) + (half * rest.y - k * W.y),
+        (v.z * dt + D.z) + (half * rest.z - k * W.z),
     };
 }
 
-static inline vec velocity_after(vec v, vec A, vec D, vec rest, vec rate, double dt)
+static inline vec corrected(vec moved, vec rest, vec before, double dt, double dt_before)
 {
-    vec W = cross(rate, A), lag = cross(rate, D), second = cross(rate, W);
-    double k = dt * dt * (1.0 / 6.0);
+    double half = 0.5 * dt * dt, k = half - half * (1.0 / 3.0) * (dt / (dt + dt_before));
     return (vec){
-        v.x + ((A.x + rest.x * dt) + (lag.x - dt * W.x + k * second.x)),
-        v.y + ((A.y + rest.y * dt) + (lag.y - dt * W.y + k * second.y)),
-        v.z + ((A.z + rest.z * dt) + (lag.z - dt * W.z + k * second.z)),
+        moved.x + k * (rest.x - before.x),
+        moved.y + k * (rest.y - before.y),
+        moved.z + k * (rest.z - before.z),
+    };
+}
+
+static inline vec velocity_change(vec A, vec D, vec W, vec rest, vec rate, double dt)
+{
+    double k = dt * dt * (1.0 / 6.0);
+    vec lag = {
+        D.x - (dt * A.x - k * W.x),
+        D.y - (dt * A.y - k * W.y),
+        D.z - (dt * A.z - k * W.z),
+    };
+    vec turn = cross(rate, lag);
+    return (vec){
+        A.x + (rest.x * dt + turn.x),
+        A.y + (rest.y * dt + turn.y),
+        A.z + (rest.z * dt + turn.z),
     };
 }
 
@@ -212,25 +228,37 @@ long navigate(const world *w, const double *start, long n, const double *dt,
     const double pi = 3.14159265358979323846, farthest = 89.9 * pi / 180.0;
     double lat = start[0], lon = start[1], h = start[2];
     double lost_lat = 0.0, lost_lon = 0.0, lost_h = 0.0, dt_before = 0.0;
-    vec v = load(start + 3);
+    vec v = load(start + 3), lost_v = {0};
     quat q = {start[6], start[7], start[8], start[9]};
     anchor near = {lat, sin(lat), cos(lat)};
     place here = surroundings(w, near.sine, near.cosine, h, v);
-    for (long k = 0; k < n; k++) {
+    long k = 0;
+renew:
+    if (k < n && fabs(middle_latitude(lat, v, here.per_metre, dt[k]) - near.lat) > REACH)
+        near = (anchor){lat, sin(lat), cos(lat)};
+    for (long first = k; k < n; k++) {
         double T = dt[k], sine, cosine;
         if (k && fabs(T - dt[k - 1]) > 1e-8 * T)
             return k;
+        double x = middle_latitude(lat, v, here.per_metre, T) - near.lat;
+        if (fabs(x) > REACH && k > first)
+            goto renew;
         vec phi, dv, dr;
         body(k, dt, dtheta, dvel, &phi, &dv, &dr);
 
-        vec A = rotate(q, dv), D = rotate(q, dr), before = here.acceleration;
-        vec moved = displacement(v, A, D, before, before, here.rate, T, dt_before);
-        double to_north = 0.25 * (T * v.x + moved.x), to_down = 0.25 * (T * v.z + moved.z);
-        sin_cos_near(lat + to_north * here.per_metre.x, &near, &sine, &cosine);
-        vec mean_v = {moved.x / T, moved.y / T, moved.z / T};
+        sin_cos_near(x, near, &sine, &cosine);
+        double per_dt = 1.0 / T;
+        vec A = rotate(q, dv), D = rotate(q, dr), W = cross(here.rate, A);
+        vec moved = predicted(v, D, W, here.acceleration, T);
+        double to_down = 0.25 * (T * v.z + moved.z);
+        vec mean_v = {per_dt * moved.x, per_dt * moved.y, per_dt * moved.z};
+        vec before = here.acceleration;
         here = surroundings(w, sine, cosine, h - to_down, mean_v);
-        moved = displacement(v, A, D, here.acceleration, before, here.rate, T, dt_before);
-        v = velocity_after(v, A, D, here.acceleration, here.rate, T);
+        moved = corrected(moved, here.acceleration, before, T, dt_before);
+        vec gain = velocity_change(A, D, W, here.acceleration, here.rate, T);
+        add(&v.x, &lost_v.x, gain.x);
+        add(&v.y, &lost_v.y, gain.y);
+        add(&v.z, &lost_v.z, gain.z);
         q = attitude_after(q, phi, here.rate, T);
         dt_before = T;
 

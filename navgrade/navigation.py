@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+from collections import deque
 from collections.abc import Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
@@ -90,11 +91,14 @@ def _after(blocks: Iterable[ImuSamples], t: float) -> Iterator[ImuSamples]:
 
 
 def _ahead(items: Iterator[BodyIncrements]) -> Iterator[BodyIncrements]:
-    """Hand items on while a second thread makes the next one."""
+    """Hand items on while a second thread makes the next two.
+
+    Two, because a block comes as its seam with the last one, a few rows, and the rest.
+    """
     with ThreadPoolExecutor(1) as worker:
-        pending = worker.submit(next, items, None)
-        while (item := pending.result()) is not None:
-            pending = worker.submit(next, items, None)
+        pending = deque(worker.submit(next, items, None) for _ in range(2))
+        while (item := pending.popleft().result()) is not None:
+            pending.append(worker.submit(next, items, None))
             yield item
 
 
