@@ -102,7 +102,7 @@ def reconstruct(blocks: Iterable[ImuSamples], algorithm: str) -> Iterator[BodyIn
         the blocks end.
     """
     chosen = RECONSTRUCTIONS[algorithm]
-    iterator = iter(blocks)
+    iterator = (block for block in blocks if len(block))
     first = next(iterator, None)
     if first is None:
         return

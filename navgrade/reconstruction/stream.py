@@ -127,7 +127,7 @@ def by_sample(blocks: Iterable[ImuSamples], chosen: Reconstruction) -> Iterator[
     """Run an algorithm over consecutive blocks; its rows come `ahead` samples late."""
     back, ahead = chosen.back, chosen.ahead
     reach = max(back, ahead)
-    stretches = _Stretches(back + ahead)
+    stretches = _Stretches(reach)
     held: ImuSamples | None = None  # the last `back + ahead` samples
     seen = done = 0
 
@@ -170,10 +170,9 @@ def by_sample(blocks: Iterable[ImuSamples], chosen: Reconstruction) -> Iterator[
             stretches.see(block)
             at, seen = seen, seen + len(block)
             if held is not None and len(block) >= 2 * reach:
-                if done < at + reach:
-                    seam = concatenate([held, block[: 2 * reach]])
-                    yield body(seam, at - len(held), done, at + reach)
-                    done = at + reach
+                seam = concatenate([held, block[: 2 * reach]])
+                yield body(seam, at - len(held), done, at + reach)
+                done = at + reach
             elif held is not None:
                 block = concatenate([held, block])
                 at = seen - len(block)

@@ -8,6 +8,7 @@ a point with a fixed specific force, integrated here in Earth-fixed axes.
 from __future__ import annotations
 
 import math
+import threading
 from collections.abc import Callable
 from functools import cache
 
@@ -343,6 +344,16 @@ def test_a_start_off_the_grid_is_refused(mechanization: str) -> None:
     with pytest.raises(NumericalError, match="leaves the disturbance grid") as caught:
         navigate(log, start, mechanization=mechanization, disturbance=constant(0.0, 0.0, 0.0))
     assert caught.value.index == 0
+
+
+def test_an_end_leaves_no_thread_behind() -> None:
+    """Kept with the error, a pool of threads would be joined wherever its garbage is found."""
+    start, log = at_rest(LAT + 6.0 * DEG, LON, H, normal(LAT, LON, H))
+    before = threading.active_count()
+    with pytest.raises(NumericalError) as caught:
+        navigate(log, start, disturbance=constant(0.0, 0.0, 0.0))
+    assert threading.active_count() == before
+    assert caught.value.t > 0.0
 
 
 def pythonic(lat: float, lon: float, h: float) -> tuple[float, float, float]:
