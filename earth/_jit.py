@@ -29,7 +29,7 @@ from typing import Any, TypeVar
 
 import numba
 from numba import config, types
-from numba.core.errors import NumbaError
+from numba.core.errors import NumbaError, UnsupportedBytecodeError
 from numba.extending import register_jitable
 from platformdirs import user_cache_path
 
@@ -129,7 +129,7 @@ def compiled(func: Callable[..., Any], returns: str) -> Callable[..., Any]:
     try:
         done: Any = func if hasattr(func, "py_func") else numba.njit(**_OPTIONS)(func)
         done.compile(signature)
-    except (NumbaError, TypeError, AttributeError) as error:
+    except (NumbaError, UnsupportedBytecodeError, TypeError, AttributeError) as error:
         lines = [line.strip() for line in str(error).splitlines() if line.strip()]
         cause = next((line for line in lines if not line.startswith("Failed in nopython")), "")
         raise TypeError(

@@ -84,7 +84,7 @@ class RunSummary:
     Attributes
     ----------
     samples : int
-        Integrated.
+        Rows of the solution: integrated samples, or groups of N with ``samples-N``.
     duration : float
         s.
     gaps : list of Gap
@@ -360,11 +360,15 @@ def run(
 def _choose(name: str, choices: Choices, site: Site, allowed: Iterable[str], default: str) -> str:
     """The command line's choice, else the site file's, else the default; checked."""
     given, filed = getattr(choices, name), getattr(site, name)
-    value: str = given or filed or default
+    value: str = default
+    if filed is not None:
+        value = filed
+    if given is not None:
+        value = given
     try:
         check_choice(name, value, allowed)
     except ValueError as error:
-        file = None if given else site.file
+        file = site.file if given is None else None
         raise ConfigError(str(error), file=file, key=f"mechanization.{name}") from None
     return value
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import difflib
 from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Generator, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import closing
 from dataclasses import replace
 
 import numpy as np
@@ -90,7 +91,7 @@ def _after(blocks: Iterable[ImuSamples], t: float) -> Iterator[ImuSamples]:
             yield block[first:]
 
 
-def _ahead(items: Iterator[BodyIncrements]) -> Iterator[BodyIncrements]:
+def _ahead(items: Iterator[BodyIncrements]) -> Generator[BodyIncrements, None, None]:
     """Hand items on while a second thread makes the next two.
 
     Two, because a block comes as its seam with the last one, a few rows, and the rest.
@@ -162,18 +163,21 @@ def solve(
     if isinstance(RECONSTRUCTIONS[reconstruction], BlockForm):
         samples = _after(samples, state.t)  # so that groups start there
     body_increments = reconstruct(samples, reconstruction)
-    for increments in _ahead(body_increments):
-        first = _first_after(increments.t, state.t)
-        if first == len(increments):
-            continue
-        increments = increments[first:]
-        if mechanizer is None:
-            mechanizer = MECHANIZATIONS[mechanization].start(state, world, epoch_ns[0])
-        start, rows = rows, rows + len(increments)
-        fits = room is not None and rows <= len(room.lat)
-        yield mechanizer.advance(
-            increments, room.rows(start, rows) if room is not None and fits else None
-        )
+    # closed here whatever ends this: left to the garbage collector their threads would be joined
+    # at any time from any thread
+    with closing(body_increments), closing(_ahead(body_increments)) as coming:
+        for increments in coming:
+            first = _first_after(increments.t, state.t)
+            if first == len(increments):
+                continue
+            increments = increments[first:]
+            if mechanizer is None:
+                mechanizer = MECHANIZATIONS[mechanization].start(state, world, epoch_ns[0])
+            start, rows = rows, rows + len(increments)
+            fits = room is not None and rows <= len(room.lat)
+            yield mechanizer.advance(
+                increments, room.rows(start, rows) if room is not None and fits else None
+            )
 
 
 def navigate(

@@ -166,23 +166,23 @@ MUTATIONS = (
     Mutation(
         "step: frame rotation of the velocity increment dropped",
         STEP,
-        "(lag[1] - dt * W[1] + k * second[1])",
-        "0.0",
+        "A[1] + (rest[1] * dt + turn[1])",
+        "A[1] + rest[1] * dt",
         (MANOEUVRES,),
     ),
     Mutation(
         "step: second order of that rotation dropped",
         STEP,
-        "(lag[2] - dt * W[2] + k * second[2])",
-        "(lag[2] - dt * W[2])",
-        (ORDERS,),
+        "D[1] - (dt * A[1] - k * W[1])",
+        "D[1] - dt * A[1]",
+        (ORDERS, MANOEUVRES),
     ),
     Mutation(
         "step: slope of gravity and Coriolis dropped",
         STEP,
-        "slope = k * dt / (dt + dt_before)",
-        "slope = 0.0",
-        (ORDERS,),
+        "k = half - half * (1.0 / 3.0) * (dt / (dt + dt_before))",
+        "k = half",
+        (ORDERS, MANOEUVRES),
     ),
     Mutation(
         "step: position summed without compensation",
@@ -250,8 +250,8 @@ MUTATIONS = (
     Mutation(
         "uneven intervals taken as even",
         CONING,
-        "return off <= _EQUAL * dt[k]",
-        "return off >= 0.0",
+        "return abs(dt[k] - dt[k - 1]) <= _EQUAL * dt[k]",
+        "return True",
         (CONES,),
     ),
     Mutation(

@@ -135,10 +135,11 @@ def propagate(
         moved = predicted(v, A, D, W, rest, dt)
         middle = to_middle(v, moved, dt)
         p = _axis(place)
-        step = cross(p, turn_of(curvature, middle))
+        half_turn = turn_of(curvature, middle)
+        step = cross(p, half_turn)
         up = (0.0, 0.0, 0.0)
         if needs_place(field):
-            up = quat_rotate(place, (0.0, 0.0, -1.0))
+            up = quat_rotate(place, (-half_turn[1], half_turn[0], -1.0))
         before = rest
         rest, rate, curvature = surroundings(
             params,

@@ -5,7 +5,7 @@ This stage knows nothing of the Earth. An algorithm is one file and one line of 
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Generator, Iterable
 from functools import partial
 from itertools import chain
 
@@ -85,7 +85,9 @@ DEFAULT = "centred-9"
 CAUSAL = "causal-3"  # what a program that cannot see the future would take
 
 
-def reconstruct(blocks: Iterable[ImuSamples], algorithm: str) -> Iterator[BodyIncrements]:
+def reconstruct(
+    blocks: Iterable[ImuSamples], algorithm: str
+) -> Generator[BodyIncrements, None, None]:
     """Turn consecutive blocks of increments into body increments.
 
     Parameters

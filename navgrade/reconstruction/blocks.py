@@ -14,7 +14,7 @@ import numpy as np
 
 from earth._jit import kernel
 from earth.rotation import cross, rotation_factors
-from navgrade.reconstruction.coning import EQUAL_BLOCK, MOST, are_equal, solve_weights
+from navgrade.reconstruction.coning import EQUAL_BLOCK, MOST, is_equal, solve_weights
 
 
 @kernel
@@ -28,7 +28,10 @@ def _reconstruct(equal, samples, dt, dtheta, dvel, phi, dv, dr):
         T = 0.0
         for j in range(begin, last + 1):
             T += dt[j]
-        if are_equal(dt, last, count):
+        even = True
+        for j in range(begin + 1, last + 1):
+            even = even and is_equal(dt, j)
+        if even:
             for m in range(count):
                 weights[m] = equal[count, m]
         else:

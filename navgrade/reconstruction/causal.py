@@ -22,52 +22,59 @@ import numpy as np
 from earth._jit import kernel
 from earth.rotation import cross, rotation_factors
 from navgrade.imu import Status
-from navgrade.reconstruction.coning import EQUAL_PREVIOUS, MOST, are_equal, solve_weights
+from navgrade.reconstruction.coning import EQUAL_PREVIOUS, MOST, is_equal, solve_weights
 
 _SHORT = np.uint32(Status.SHORT_WINDOW)
 
 
 @kernel
 def _reconstruct(previous, equal, short, dt, dtheta, dvel, first, phi, dv, dr, status):
-    weights = np.empty(MOST)
+    weights = np.zeros(MOST)
     system = np.empty((MOST, MOST + 1))
+    even = 0  # intervals before this one, one after the other of its length
+    for k in range(max(first - previous, 0) + 1, first):
+        even = even + 1 if is_equal(dt, k) else 0
+    of_equal = -1  # how many previous samples the weights of equal intervals in place are for
     for row in range(phi.shape[0]):
         k = first + row
         p = min(previous, k)
         if p < previous:
             status[row] |= short
-        if are_equal(dt, k, p):
-            for m in range(p):
-                weights[m] = equal[p, m]
-        else:
+        even = even + 1 if k > 0 and is_equal(dt, k) else 0
+        if even < p:
             solve_weights(dt, k, p, dt[k], system, weights)
-        A0, A1, A2, B0, B1, B2 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-        for m in range(p):
-            c = weights[m]
-            A0 += c * dtheta[k - 1 - m, 0]
-            A1 += c * dtheta[k - 1 - m, 1]
-            A2 += c * dtheta[k - 1 - m, 2]
-            B0 += c * dvel[k - 1 - m, 0]
-            B1 += c * dvel[k - 1 - m, 1]
-            B2 += c * dvel[k - 1 - m, 2]
-        A = (A0, A1, A2)
+            of_equal = -1
+        elif of_equal != p:
+            weights[:] = equal[p]
+            of_equal = p
+        c1, c2, c3, c4 = weights[0], weights[1], weights[2], weights[3]
+        k1, k2, k3, k4 = max(k - 1, 0), max(k - 2, 0), max(k - 3, 0), max(k - 4, 0)
+        A = (
+            (c1 * dtheta[k1, 0] + c2 * dtheta[k2, 0]) + (c3 * dtheta[k3, 0] + c4 * dtheta[k4, 0]),
+            (c1 * dtheta[k1, 1] + c2 * dtheta[k2, 1]) + (c3 * dtheta[k3, 1] + c4 * dtheta[k4, 1]),
+            (c1 * dtheta[k1, 2] + c2 * dtheta[k2, 2]) + (c3 * dtheta[k3, 2] + c4 * dtheta[k4, 2]),
+        )
+        B = (
+            (c1 * dvel[k1, 0] + c2 * dvel[k2, 0]) + (c3 * dvel[k3, 0] + c4 * dvel[k4, 0]),
+            (c1 * dvel[k1, 1] + c2 * dvel[k2, 1]) + (c3 * dvel[k3, 1] + c4 * dvel[k4, 1]),
+            (c1 * dvel[k1, 2] + c2 * dvel[k2, 2]) + (c3 * dvel[k3, 2] + c4 * dvel[k4, 2]),
+        )
         theta = (dtheta[k, 0], dtheta[k, 1], dtheta[k, 2])
         v = (dvel[k, 0], dvel[k, 1], dvel[k, 2])
         coning = cross(A, theta)
         sculling_v = cross(A, v)
-        sculling_theta = cross((B0, B1, B2), theta)
+        sculling_theta = cross(B, theta)
         turn = cross(theta, v)
         turn2 = cross(theta, turn)
         r1, r2 = rotation_factors(theta[0] * theta[0] + theta[1] * theta[1] + theta[2] * theta[2])
         ratio, share = 0.0, 0.0
         if p:
-            ratio = dt[k] / dt[k - 1]
+            ratio = dt[k] / dt[k1]
             share = ratio / (1.0 + ratio)
-        before = k - 1 if p else k
         for i in range(3):
             phi[row, i] = theta[i] + coning[i]
             dv[row, i] = v[i] + r1 * turn[i] + r2 * turn2[i] + sculling_v[i] + sculling_theta[i]
-            rise = share * (v[i] - ratio * dvel[before, i]) + 0.5 * turn[i]
+            rise = share * (v[i] - ratio * dvel[k1, i]) + 0.5 * turn[i]
             dr[row, i] = dt[k] * (0.5 * dv[row, i] - (1.0 / 6.0) * rise)
 
 

@@ -27,11 +27,11 @@ from numpy.typing import NDArray
 from earth._jit import formula, kernel, rare_formula
 from earth.rotation import cross, rotation_factors
 from navgrade.imu import Status
+from navgrade.reconstruction.coning import is_equal
 
 Array = NDArray[np.float64]
 
 ORDERS = 4  # a_1 ... a_4
-_EQUAL = 1e-8  # relative: neighbouring intervals this close count as equal
 _CHUNK = 64  # rows whose coefficients are formed together; they stay in the first-level cache
 _SHORT = np.uint32(Status.SHORT_WINDOW)
 _SHIFTED = np.uint32(Status.SHIFTED_WINDOW)
@@ -232,7 +232,7 @@ def _reconstruct(window, equal, gauss, slopes, bits, dt, dtheta, dvel, first, ph
     knots, inverse = np.empty(window + 1), np.empty(window + 1)
     even = np.zeros(n, np.int32)  # steps up to this one without a change of interval
     for k in range(1, n):
-        if abs(dt[k] - dt[k - 1]) <= _EQUAL * dt[k]:
+        if is_equal(dt, k):
             even[k] = even[k - 1] + 1
     count = min(window, n)
     rows = phi.shape[0]

@@ -37,17 +37,14 @@ _EQUAL = 1e-8  # relative: intervals this close count as equal; changes c_m by l
 
 
 @formula
-def are_equal(dt, k, count):
-    """Return whether interval k and the `count` before it are of one length."""
-    off = 0.0
-    for m in range(1, count + 1):
-        off = max(off, abs(dt[k - m] - dt[k]))
-    return off <= _EQUAL * dt[k]
+def is_equal(dt, k):
+    """Return whether interval k and the one before it are of one length."""
+    return abs(dt[k] - dt[k - 1]) <= _EQUAL * dt[k]
 
 
 @rare_formula
 def solve_weights(dt, k, count, span, system, weights):
-    """Fill `weights` c_1 ... c_count of interval k and the `count` before it.
+    """Fill the first of `weights`, c_1 ... c_count of interval k and the `count` before it.
 
     `span` is the length of the update, s; `system`, (MOST, MOST + 1), is scratch.
     """

@@ -21,7 +21,7 @@ Array = NDArray[np.float64]
 
 MAX_RATIO = 10.0  # of the intervals in one window
 _OPEN = np.iinfo(np.int64).max
-_PIECE = 4096  # rows a core takes at a time: some 0.2 ms, far above the cost of handing them over
+_LEAST = 4096  # rows worth handing to another core: 0.1 ms and more of work
 
 
 @dataclass(frozen=True)
@@ -131,7 +131,8 @@ def by_sample(blocks: Iterable[ImuSamples], chosen: Reconstruction) -> Iterator[
     held: ImuSamples | None = None  # the last `back + ahead` samples
     seen = done = 0
 
-    with ThreadPoolExecutor(os.cpu_count()) as cores:
+    workers = os.cpu_count() or 1
+    with ThreadPoolExecutor(workers) as cores:
 
         def body(samples: ImuSamples, at: int, first: int, stop: int) -> BodyIncrements:
             rows = slice(first - at, stop - at)
@@ -153,9 +154,10 @@ def by_sample(blocks: Iterable[ImuSamples], chosen: Reconstruction) -> Iterator[
                 )
 
             jobs = []
+            share = max(-(-n // workers), _LEAST)
             for start, end in stretches.within(first, stop):
-                for begin in range(max(start, first), min(end, stop), _PIECE):
-                    piece_end = min(begin + _PIECE, end, stop)
+                for begin in range(max(start, first), min(end, stop), share):
+                    piece_end = min(begin + share, end, stop)
                     low = max(start, begin - back)
                     high = min(end, piece_end + ahead, at + len(samples))
                     jobs.append((begin, piece_end, low, high))

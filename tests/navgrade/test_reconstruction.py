@@ -518,7 +518,7 @@ def test_rows_do_not_depend_on_threads(
 ) -> None:
     log = varied_log()
     whole = rebuilt(log, name)
-    monkeypatch.setattr(stream, "_PIECE", piece)
+    monkeypatch.setattr(stream, "_LEAST", piece)
     assert same_bits(rebuilt(log, name), whole)
     assert same_bits(rebuilt(log.blocks(90), name), whole)
 

@@ -136,7 +136,7 @@ def test_errors_at_rest_follow_the_linear_system(kick: str, gains: str, mechaniz
     exact = response(GAINS[gains], KICKS[kick], 48.0 * np.pi / 180.0, 1250.0, nav.t[rows])
     size, c1 = np.abs(exact).max(axis=0), GAINS[gains].c1
     # The loop's own sums are Euler's: of the largest error they leave an interval times the first
-    # gain, 1.5e-3 (100 s) to 4e-3 (40 s). Without 2 g/R 1 % of it would be missing
+    # gain, 1.5e-3 (100 s) to 4e-3 (40 s). Without gravity's gradient it would be 1 % off at 100 s
     assert np.all(np.abs(found[rows] - exact).max(axis=0) < 1.7 * MEAN_INTERVAL * c1 * size)
 
 
