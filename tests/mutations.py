@@ -292,8 +292,8 @@ MUTATIONS = (
     Mutation(
         "centred: displacement of the slope",
         CENTRED,
-        "-b1[0] / 6.0",
-        "-b1[0] / 7.0",
+        "(1.0 / 60.0) * push[0] - (1.0 / 6.0) * b1[0]",
+        "(1.0 / 60.0) * push[0] - (1.0 / 7.0) * b1[0]",
         (BODY,),
     ),
     Mutation(
