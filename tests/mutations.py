@@ -361,7 +361,7 @@ def main() -> None:
     """Try all mutations, or those whose names hold the words given, and report."""
     chosen = [m for m in MUTATIONS if all(word in m.name for word in sys.argv[1:])]
     tests = tuple(sorted({test for mutation in chosen for test in mutation.tests}))
-    untouched = Mutation("no mutation", NED, "class Ned:", "class Ned:", tests)
+    untouched = Mutation("no mutation", NED, "class Ned(", "class Ned(", tests)
     if is_red(untouched, "-n", "auto"):
         raise SystemExit("the tests fail without any mutation")
     survived = []
