@@ -52,7 +52,17 @@ class World:
         disturbance: GravityFunction | DisturbanceGrid | None = None,
         ellipsoid: Ellipsoid = WGS84,
     ) -> World:
-        """Make the surroundings of a run that starts at `state`."""
+        """Make the surroundings of a run that starts at `state`.
+
+        Raises
+        ------
+        ValueError
+            When `vertical` is "baro": the loop needs its heights, a `BaroLoop`.
+        """
+        if vertical == "baro":
+            raise ValueError(
+                "vertical 'baro' needs pressure heights; pass vertical=navgrade.BaroLoop(t, h)"
+            )
         loop = None
         if isinstance(vertical, BaroLoop):
             loop = vertical.aligned(state.t, state.h)

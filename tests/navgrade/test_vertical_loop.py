@@ -332,3 +332,9 @@ def test_hold_leads_every_frame_the_same_way() -> None:
     ]
     for other in positions[1:]:
         assert np.abs(other - positions[0]).max() < 1e-3  # m: 50 um of each frame's own step
+
+
+def test_baro_without_heights_says_what_to_pass() -> None:
+    imu = ImuSamples(t=[0.1, 0.2], gyro=np.zeros((2, 3)), accel=np.zeros((2, 3)), kind="increment")
+    with pytest.raises(ValueError, match=r"vertical=navgrade\.BaroLoop"):
+        navigate(imu, NavState(lat=0.5, lon=0.1, h=0.0), vertical="baro")
