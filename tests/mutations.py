@@ -30,9 +30,9 @@ HOURS = "tests/navgrade/test_accuracy.py"
 TURNS = f"{HOURS}::test_hour[turning vehicle, causal-3, n]"
 MANOEUVRES = f"{HOURS}::test_hour[manoeuvres, centred-9, n]"
 FRAMES = "tests/navgrade/test_frames.py"
+CRUISE = f"{FRAMES}::test_cruise_in_long_steps"
 LAWS = "tests/navgrade/test_laws.py"
 BODY = "tests/navgrade/test_reconstruction.py"
-ORDERS = "tests/navgrade/test_orders.py"
 CONES = "tests/navgrade/test_coning.py"
 STRETCHES = "tests/navgrade/test_stretches.py"
 CHANNEL = "tests/navgrade/test_vertical_loop.py"
@@ -101,6 +101,27 @@ MUTATIONS = (
         (TURNS,),
     ),
     Mutation(
+        "n: Coriolis sign, east",
+        NED,
+        "g[1] - coriolis[1]",
+        "g[1] + coriolis[1]",
+        (TURNS,),
+    ),
+    Mutation(
+        "n: Coriolis sign, down",
+        NED,
+        "g[2] - coriolis[2]",
+        "g[2] + coriolis[2]",
+        (TURNS,),
+    ),
+    Mutation(
+        "n: transport left out of the frame's rate",
+        NED,
+        "(ie_n + en_n, en_e, ie_d + en_d)",
+        "(ie_n, en_e, ie_d)",
+        (TURNS,),
+    ),
+    Mutation(
         "n: Coriolis without transport",
         NED,
         "cross((2.0 * ie_n + en_n, en_e, 2.0 * ie_d + en_d), v)",
@@ -129,6 +150,13 @@ MUTATIONS = (
         (FRAMES,),
     ),
     Mutation(
+        "i: centrifugal sign along y",
+        CARTESIAN,
+        "- excess * r[1] - 2.0 * spin * v[0]",
+        "+ excess * r[1] - 2.0 * spin * v[0]",
+        (FRAMES,),
+    ),
+    Mutation(
         "i: velocity of the Earth's surface, sign",
         CARTESIAN,
         "v[0] + drift * r[1], v[1] - drift * r[0]",
@@ -147,6 +175,34 @@ MUTATIONS = (
         WANDER,
         "- north_y * g_e - coriolis[0]",
         "- north_y * g_e + coriolis[0]",
+        (FRAMES,),
+    ),
+    Mutation(
+        "w: Coriolis sign, second axis",
+        WANDER,
+        "north_x * g_e - coriolis[1]",
+        "north_x * g_e + coriolis[1]",
+        (FRAMES,),
+    ),
+    Mutation(
+        "w: Coriolis sign, down",
+        WANDER,
+        "g_d - coriolis[2]",
+        "g_d + coriolis[2]",
+        (FRAMES,),
+    ),
+    Mutation(
+        "w: transport sign, first axis",
+        WANDER,
+        "(K_xy * moved[0] + K_yy * moved[1]",
+        "(K_xy * moved[0] - K_yy * moved[1]",
+        (FRAMES,),
+    ),
+    Mutation(
+        "w: Earth rate left out of the frame's rate",
+        WANDER,
+        "(ie[0] + ew[0], ie[1] + ew[1], ie[2])",
+        "(ew[0], ew[1], ie[2])",
         (FRAMES,),
     ),
     Mutation(
@@ -175,14 +231,14 @@ MUTATIONS = (
         STEP,
         "D[1] - (dt * A[1] - k * W[1])",
         "D[1] - dt * A[1]",
-        (ORDERS, MANOEUVRES),
+        (CRUISE,),
     ),
     Mutation(
         "step: slope of gravity and Coriolis dropped",
         STEP,
         "k = half - half * (1.0 / 3.0) * (dt / (dt + dt_before))",
         "k = half",
-        (ORDERS, MANOEUVRES),
+        (CRUISE,),
     ),
     Mutation(
         "step: position summed without compensation",
@@ -231,7 +287,7 @@ MUTATIONS = (
         CAUSAL,
         "(0.5 * dv[row, i] - (1.0 / 6.0) * rise)",
         "0.5 * dv[row, i]",
-        (TURNS,),
+        (BODY,),
     ),
     Mutation(
         "a weight of four previous samples",

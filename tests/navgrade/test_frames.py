@@ -17,7 +17,7 @@ from navgrade.errors import NumericalError
 from navgrade.mechanization import MECHANIZATIONS
 from navgrade.vertical import BaroLoop
 from tests.navgrade.engine import fly, samples, state_at
-from tests.oracles.cases import position_error
+from tests.oracles.cases import CONTEXT, position_error
 from tests.oracles.polar import polar_flight
 from tests.oracles.truth import (
     Coordinate,
@@ -201,3 +201,34 @@ def test_date_line(mechanization: str, east: float) -> None:
     assert np.sign(lon[-1]) == -east
     # rad: 4e-7 a step, modulo a turn
     np.testing.assert_allclose(np.diff(np.unwrap(lon)), east * 4e-7, atol=1e-12)
+
+
+CRUISE = {  # m after ten minutes of steps of 1 s, horizontal and vertical
+    "n": (1e-5, 1e-5),  # nothing changes in n
+    "e": (5e-3, 5e-3),  # gravity turns in e by v / R + ..., dt^2 / 24 of its second derivative
+    "i": (1.5e-3, 1.5e-3),  # likewise
+    "w": (1.5e-3, 1e-4),  # north turns in w, and the Earth rate with it
+}
+
+
+@pytest.mark.parametrize("mechanization", MECHANIZATIONS)
+def test_cruise_in_long_steps(mechanization: str) -> None:
+    """Level and straight at 300 m/s: what one step neglects, in steps of one second.
+
+    The frame's rotation to second order is 2e-8 m/s^2, 3 mm after ten minutes; the slope of
+    gravity in axes that do not follow it is 20 to 40 mm.
+    """
+    motion = Motion(
+        lat=Coordinate(0.9),
+        lon=Coordinate(0.1, rate=7.6e-5),  # rad/s, 301 m/s
+        h=Coordinate(8000.0),
+        roll=Coordinate(0.1),
+        pitch=Coordinate(-0.2),
+        heading=Coordinate(1.0),
+    )
+    edges = np.arange(-CONTEXT, 601 + CONTEXT) * 1.0
+    nav, truth = fly(motion, edges, CONTEXT, mechanization=mechanization)
+    error = position_error(nav, truth)
+    horizontal, vertical = CRUISE.get(mechanization, (5e-3, 5e-3))
+    assert error.horizontal < horizontal
+    assert error.vertical < vertical
