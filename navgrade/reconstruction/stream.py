@@ -131,7 +131,7 @@ def by_sample(blocks: Iterable[ImuSamples], chosen: Reconstruction) -> Iterator[
     held: ImuSamples | None = None  # the last `back + ahead` samples
     seen = done = 0
 
-    workers = os.cpu_count() or 1
+    workers = max((os.cpu_count() or 1) - 1, 1)  # one core is the recursion's
     with ThreadPoolExecutor(workers) as cores:
 
         def body(samples: ImuSamples, at: int, first: int, stop: int) -> BodyIncrements:
