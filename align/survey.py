@@ -35,8 +35,8 @@ def parse_angle(value: float | int | str, positive: str, negative: str) -> float
     Raises
     ------
     ValueError
-        If the text is not an angle, or minutes or seconds reach 60, or sign and hemisphere
-        are both given.
+        If the text is not an angle, minutes or seconds reach 60, a part before the last has
+        decimals, sign and hemisphere are both given, or an S may mean seconds or south.
     """
     if isinstance(value, bool) or not isinstance(value, (int, float, str)):
         raise ValueError(f"{value!r} is not an angle")
@@ -47,12 +47,21 @@ def parse_angle(value: float | int | str, positive: str, negative: str) -> float
         raise ValueError(f"{value!r} is not an angle; write 51.07995 or 51 04 47.8327 {positive}")
     trail = match["trail"]
     if match["unit"] in ("d", "D") and match["s"] and not match["mark"] and trail in ("s", "S"):
-        trail = None  # 33d51m54.5s: the unit of the seconds, not the south
+        if trail == "S" and match["unit"] == "D":
+            raise ValueError(
+                f"{value!r} ends in an S that may mean seconds or south; write "
+                f"{match['d']} {match['m']} {match['s']} {positive} or {negative}"
+            )
+        if trail == "s":
+            trail = None  # 33d51m54.5s: the unit of the seconds, not the south
     letters = [x.upper() for x in (match["lead"], trail) if x]
     if len(letters) > 1 or (letters and match["sign"]):
         raise ValueError(f"{value!r} gives its sign twice")
     if letters and letters[0] not in (positive, negative):
         raise ValueError(f"{value!r} ends in {letters[0]}, expected {positive} or {negative}")
+    for part, finer in ("dm", "ms"):
+        if match[finer] and "." in match[part]:
+            raise ValueError(f"{value!r} has decimals before its last part")
     degrees, minutes, seconds = (float(match[part] or 0.0) for part in "dms")
     if minutes >= 60.0 or seconds >= 60.0:
         raise ValueError(f"{value!r} has minutes or seconds of 60 or more")

@@ -52,6 +52,7 @@ def test_every_spelling_of_a_northern_latitude(text: str) -> None:
         "33°51'54.5\"S",
         "33° 51' 54.5'' S",
         "33d51m54.5sS",
+        "33d51m54.5S",
     ],
 )
 def test_every_spelling_of_a_southern_latitude(text: str) -> None:
@@ -115,6 +116,9 @@ def test_other_spellings(value: float | str, letters: tuple[str, str], degrees: 
         ("51 04 47 E", LAT, "ends in E, expected N or S"),
         ("114 08 01 N", LON, "ends in N, expected E or W"),
         ("W 51", LAT, "ends in W, expected N or S"),
+        ("33D51M54.5S", LAT, "may mean seconds or south"),
+        ("51.5 30 N", LAT, "has decimals before its last part"),
+        ("51 4.5 30 N", LAT, "has decimals before its last part"),
     ],
 )
 def test_what_is_not_one_angle_is_refused_with_the_reason(
