@@ -84,6 +84,9 @@ CLASSICAL_GAINS: dict[str, LoopGains] = {
     # poles at -k and -k (1 ± j), k = 0.01 1/s: Rogers (5.83), with the k that NavToolkit has as
     # its default (is4s.github.io/NavToolkit, apply_aiding_alt_accel and AidingAltData)
     "rogers": _rogers(0.01),
+    # poles at -k and -k (1 ± j sqrt(3))/2, k = 0.01 1/s: the third-order Butterworth filter, whose
+    # following of the barometer is flattest in frequency
+    "butterworth": LoopGains(2.0 * 0.01, 2.0 * 0.01**2 + GRAVITY_GRADIENT, 0.01**3),
 }
 """Published sets by name; each stands beside its source."""
 

@@ -333,7 +333,7 @@ WRONG = [  # text, old, new, key, facts
     (FULL, "time_constant_s = 60.0", 'time_constant_s = 60.0\ngains = "rogers"', "baro.gains",
      "not both"),
     (FULL, "time_constant_s = 60.0", 'gains = "roger"', "baro.gains",
-     "'roger' is not one of rogers"),
+     "'roger' is not one of rogers, butterworth"),
     (FULL, '"absolute"', '"msl"', "baro.reference", "'msl' is not one of start, absolute"),
     (INITIAL, 'time = "2026-01-01T00:00:00.500Z"\n', "", "initial.time", "one of them"),
     (INITIAL, "latitude", "time_ns = 3\nlatitude", "initial.time", "one of them"),

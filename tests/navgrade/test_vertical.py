@@ -86,6 +86,13 @@ def test_rogers_poles_are_one_real_and_a_pair_at_45_degrees() -> None:
     assert found == pytest.approx([-0.01 - 0.01j, -0.01, -0.01 + 0.01j], abs=1e-8)
 
 
+def test_butterworth_poles_lie_on_a_circle_60_degrees_apart() -> None:
+    found = poles(CLASSICAL_GAINS["butterworth"])
+    expected = -0.01 * np.exp(1j * np.radians([60.0, 0.0, -60.0]))
+    # 1e-8 1/s of 0.01 1/s: 2 g/R to 1e-8
+    assert found == pytest.approx(sorted(expected, key=lambda x: x.imag), abs=1e-8)
+
+
 @pytest.mark.parametrize("name", CLASSICAL_GAINS)
 def test_every_classical_set_settles(name: str) -> None:
     assert poles(CLASSICAL_GAINS[name]).real.max() < -1e-3  # 1/s: within a quarter of an hour
