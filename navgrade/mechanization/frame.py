@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from earth.gravity import kernel_for
 from navgrade.errors import NumericalError
-from navgrade.imu import BodyIncrements
+from navgrade.imu import BodyIncrements, Status
 from navgrade.mechanization.world import World
 from navgrade.state import Columns, Trajectory
 
@@ -46,6 +46,7 @@ class Frame:
         self._carry = carry
         self._constants = constants
         self._rows = 0
+        self._no_heights = np.empty(0)
 
     def advance(self, increments: BodyIncrements, room: Columns | None = None) -> Trajectory:
         """Integrate a block, into `room` where given; the values do not depend on block ends.
@@ -57,7 +58,14 @@ class Frame:
         """
         n = len(increments)
         out = Columns.empty(n) if room is None else room
-        heights, status = self._world.heights(increments)
+        status, loop = increments.status, self._world.loop
+        if loop is not None:
+            heights = loop.heights_at(increments.t)
+            status = status | np.where(np.isnan(heights), np.uint32(Status.UNAIDED), np.uint32(0))
+        else:
+            if len(self._no_heights) < n:
+                self._no_heights = np.full(n, np.nan)
+            heights = self._no_heights[:n]
         done = self._propagate(
             self._world.params,
             self._world.field,

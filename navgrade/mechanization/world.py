@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from earth.disturbance import DisturbanceGrid
 from earth.ellipsoid import WGS84, Ellipsoid, EllipsoidParams
 from earth.gravity import DEFAULT, GravityField, GravityFunction, gravity_field
-from navgrade.imu import BodyIncrements, Status
 from navgrade.mechanization.step import BARO, FREE, HOLD, Channel
 from navgrade.state import NavState
 from navgrade.vertical import BaroLoop
@@ -79,11 +78,3 @@ class World:
         if self.channel.mode == HOLD:
             v[2] = 0.0
         return v
-
-    def heights(self, increments: BodyIncrements) -> tuple[Array, NDArray[np.uint32]]:
-        """Heights at the ends of the intervals, nan where none is needed or known; the status."""
-        if self.loop is None:
-            return np.full(len(increments), np.nan), increments.status
-        heights = self.loop.heights_at(increments.t)
-        unaided = np.where(np.isnan(heights), np.uint32(Status.UNAIDED), np.uint32(0))
-        return heights, increments.status | unaided
