@@ -140,9 +140,9 @@ static inline double middle_latitude(double lat, vec v, vec per_metre, double dt
 
 static inline place surroundings(const world *w, double sine, double cosine, double h, vec v)
 {
-    double w2 = 1.0 / (1.0 - w->e2 * sine * sine), transverse = w->a * sqrt(w2);
-    double meridian = transverse * (1.0 - w->e2) * w2;
-    double per_meridian = 1.0 / (meridian + h), per_transverse = 1.0 / (transverse + h);
+    double squared = 1.0 - w->e2 * sine * sine, root = sqrt(squared), cube = squared * root;
+    double per_meridian = cube / (w->a * (1.0 - w->e2) + h * cube);
+    double per_transverse = root / (w->a + h * root);
     double per_cos = 1.0 / cosine;
     double ie_n = w->omega * cosine, ie_d = -w->omega * sine;
     double en_n = v.y * per_transverse, en_e = -v.x * per_meridian;

@@ -11,11 +11,19 @@ from earth.ellipsoid import WGS84, Ellipsoid
 
 
 @formula
+def curvatures(params, sin_lat, h):
+    """Return 1/(M + h) and 1/(N + h) of the meridian and transverse radius, 1/m."""
+    w = 1.0 - params.e2 * sin_lat * sin_lat
+    root = np.sqrt(w)
+    cube = w * root
+    return cube / (params.a * (1.0 - params.e2) + h * cube), root / (params.a + h * root)
+
+
+@formula
 def radii(params, sin_lat):
     """Return meridian and transverse radius of curvature, m."""
-    w2 = 1.0 / (1.0 - params.e2 * sin_lat * sin_lat)
-    transverse = params.a * np.sqrt(w2)
-    return transverse * (1.0 - params.e2) * w2, transverse
+    per_meridian, per_transverse = curvatures(params, sin_lat, 0.0)
+    return 1.0 / per_meridian, 1.0 / per_transverse
 
 
 @formula

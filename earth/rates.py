@@ -7,7 +7,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from earth._jit import formula
 from earth.ellipsoid import WGS84, Ellipsoid
-from earth.geodetic import radii
+from earth.geodetic import curvatures
 
 
 @formula
@@ -52,10 +52,8 @@ def omega_en_n(
         rad/s. It grows as tan(lat) and has no limit at the poles.
     """
     lat, h, v = np.asarray(lat, float), np.asarray(h, float), np.asarray(v_eb_n, float)
-    meridian, transverse = radii(ellipsoid.params, np.sin(lat))
-    rate = transport_rate(
-        v[..., 0], v[..., 1], np.tan(lat), 1.0 / (meridian + h), 1.0 / (transverse + h)
-    )
+    per_radius = curvatures(ellipsoid.params, np.sin(lat), h)
+    rate = transport_rate(v[..., 0], v[..., 1], np.tan(lat), *per_radius)
     return np.stack(np.broadcast_arrays(*rate), axis=-1)
 
 

@@ -75,8 +75,8 @@ MUTATIONS = (
     Mutation(
         "radii exchanged",
         "earth/geodetic.py",
-        "return transverse * (1.0 - params.e2) * w2, transverse",
-        "return transverse, transverse * (1.0 - params.e2) * w2",
+        "cube / (params.a * (1.0 - params.e2) + h * cube), root / (params.a + h * root)",
+        "root / (params.a + h * root), cube / (params.a * (1.0 - params.e2) + h * cube)",
         (TURNS,),
     ),
     Mutation(

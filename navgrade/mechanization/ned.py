@@ -15,7 +15,7 @@ from __future__ import annotations
 import numpy as np
 
 from earth._jit import formula, kernel
-from earth.geodetic import radii
+from earth.geodetic import curvatures
 from earth.gravity import gravity
 from earth.rates import earth_rate, transport_rate
 from earth.rotation import cross, quat_rotate
@@ -75,9 +75,7 @@ def surroundings(params, field, sin_lat, cos_lat, lat, lon, h, v):
     Three triples: acceleration g - (2 omega_ie + omega_en) x v, m/s^2; omega_in_n, rad/s;
     latitude, longitude and height per metre north, east, down.
     """
-    meridian, transverse = radii(params, sin_lat)
-    per_meridian = 1.0 / (meridian + h)
-    per_transverse = 1.0 / (transverse + h)
+    per_meridian, per_transverse = curvatures(params, sin_lat, h)
     per_cos = 1.0 / cos_lat
     ie_n, ie_d = earth_rate(params, sin_lat, cos_lat)
     en_n, en_e, en_d = transport_rate(v[0], v[1], sin_lat * per_cos, per_meridian, per_transverse)

@@ -16,7 +16,7 @@ import numpy as np
 
 from earth._jit import formula, kernel
 from earth.frames import ned_to_ecef_quat
-from earth.geodetic import radii
+from earth.geodetic import curvatures
 from earth.gravity import gravity, needs_place
 from earth.rotation import cross, quat_product, quat_rotate, rotvec_to_quat_change
 from navgrade.mechanization.frame import Frame
@@ -67,10 +67,10 @@ def surroundings(params, field, p, up, h, v):
     """
     sin_lat = -p[2]
     cos_lat = np.sqrt(p[0] * p[0] + p[1] * p[1])
-    meridian, transverse = radii(params, sin_lat)
-    per_transverse = 1.0 / (transverse + h)
-    w2 = 1.0 / (1.0 - params.e2 * sin_lat * sin_lat)
-    k = transverse * params.e2 * w2 * per_transverse / (meridian + h)
+    per_meridian, per_transverse = curvatures(params, sin_lat, h)
+    # N e^2 / ((1 - e^2 sin^2 L) (M + h)(N + h)), with N / (N + h) = 1 - h / (N + h)
+    k = (1.0 - h * per_transverse) * per_meridian
+    k *= params.e2 / (1.0 - params.e2 * sin_lat * sin_lat)
     curvature = (
         per_transverse + k * p[0] * p[0],
         k * p[0] * p[1],
