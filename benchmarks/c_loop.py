@@ -30,8 +30,8 @@ SOURCE = Path(__file__).with_name("step.c")
 FLAGS = ("-O3", "-march=native", "-ffp-contract=fast")
 MINUTE = 12_000  # samples
 # m: the same arithmetic, fused at other places, a last digit of latitude (0.7 nm) or two after a
-# minute. Over an hour such roundings grow, with the
-# unaided height and along the horizon alike, to a thousand times what a minute shows.
+# minute. Over an hour such roundings grow, with the unaided height and along the horizon alike, to
+# a thousand times that.
 AFTER_MINUTE, AFTER_HOUR = 3e-9, 1e-5
 
 
