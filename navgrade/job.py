@@ -360,11 +360,7 @@ def run(
 def _choose(name: str, choices: Choices, site: Site, allowed: Iterable[str], default: str) -> str:
     """The command line's choice, else the site file's, else the default; checked."""
     given, filed = getattr(choices, name), getattr(site, name)
-    value: str = default
-    if filed is not None:
-        value = filed
-    if given is not None:
-        value = given
+    value: str = next(choice for choice in (given, filed, default) if choice is not None)
     try:
         check_choice(name, value, allowed)
     except ValueError as error:

@@ -18,7 +18,7 @@ from earth.geodetic import ecef_from_geodetic, meridian_plane
 from earth.gravity import gravity, needs_place
 from earth.rotation import cross, quat_product, quat_rotate
 from navgrade.mechanization.frame import Frame
-from navgrade.mechanization.local import direction, from_local, to_local
+from navgrade.mechanization.local import direction, from_local, from_ned, to_local
 from navgrade.mechanization.step import (
     FREE,
     attitude_after,
@@ -58,13 +58,13 @@ def acceleration(params, field, spin, turned, r, v):
     lat, lon = 0.0, 0.0
     if needs_place(field):
         lat, lon = np.arctan2(sin_lat, cos_lat), np.arctan2(sin_lon, cos_lon) - turned
-    g_n, g_e, g_d = gravity(params, field, sin_lat, cos_lat, lat, lon, h)
-    out = -sin_lat * g_n - cos_lat * g_d
+    g_n = gravity(params, field, sin_lat, cos_lat, lat, lon, h)
+    g = from_ned(sin_lat, cos_lat, sin_lon, cos_lon, g_n)
     excess = params.omega * params.omega - spin * spin
     return (
-        cos_lon * out - sin_lon * g_e - excess * r[0] + 2.0 * spin * v[1],
-        sin_lon * out + cos_lon * g_e - excess * r[1] - 2.0 * spin * v[0],
-        cos_lat * g_n - sin_lat * g_d,
+        g[0] - excess * r[0] + 2.0 * spin * v[1],
+        g[1] - excess * r[1] - 2.0 * spin * v[0],
+        g[2],
     )
 
 

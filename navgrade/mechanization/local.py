@@ -32,12 +32,18 @@ def to_local(sin_lat, cos_lat, sin_lon, cos_lon, v_e, q_eb):
 
 
 @formula
+def from_ned(sin_lat, cos_lat, sin_lon, cos_lon, v):
+    """Return C_en v."""
+    out = -sin_lat * v[0] - cos_lat * v[2]
+    return (
+        cos_lon * out - sin_lon * v[1],
+        sin_lon * out + cos_lon * v[1],
+        cos_lat * v[0] - sin_lat * v[2],
+    )
+
+
+@formula
 def from_local(sin_lat, cos_lat, sin_lon, cos_lon, v_n, q_nb):
     """Return v_eb_e and q_eb."""
-    out = -sin_lat * v_n[0] - cos_lat * v_n[2]
-    v_e = (
-        cos_lon * out - sin_lon * v_n[1],
-        sin_lon * out + cos_lon * v_n[1],
-        cos_lat * v_n[0] - sin_lat * v_n[2],
-    )
+    v_e = from_ned(sin_lat, cos_lat, sin_lon, cos_lon, v_n)
     return v_e, quat_product(ned_to_ecef_quat(sin_lat, cos_lat, sin_lon, cos_lon), q_nb)

@@ -7,7 +7,8 @@ One step (docs/equations.md, section 3; Groves 2013, section 5.4, in increments)
    velocity transport rate and Coriolis acceleration,
 3. step velocity, position and attitude with those.
 
-A second evaluation would change the mean velocity by 1e-8 m/s, so it is not made.
+A second evaluation would change the mean velocity too little to be made
+(docs/decisions/0003-one-evaluation-per-step.md).
 """
 
 from __future__ import annotations
@@ -40,15 +41,15 @@ MAX_LATITUDE = 89.9 * DEG  # beyond it the transport rate about down outgrows th
 REACH = 1e-3  # rad from the anchor latitude
 
 # What one block hands to the next: lat, lon, h, v (3), q (4), lost by the sums of lat, lon, h (3),
-# and of the last interval's middle: acceleration (3), omega_in_n (3), angles per metre (3), the
+# and of the last interval's middle: acceleration (3), omega_in_n (3), angles per metre (2), the
 # anchor latitude, its sine and cosine; length of the last interval; the acceleration error the
 # vertical loop has found; lost by the sums of v (3).
-_CARRY = 30
+_CARRY = 29
 
 
 @formula
 def sin_cos_near(x, anchor):
-    """Return sine and cosine of a latitude `x` from the anchor's (latitude, sine, cosine).
+    """Return sine and cosine of a latitude, `x` rad from the anchor (latitude, sine, cosine).
 
     By the addition theorem, to rounding within `REACH`: a step moves so little that this spares
     it the two library calls it would wait for longest.
@@ -64,7 +65,7 @@ def sin_cos_near(x, anchor):
 
 @formula
 def middle_latitude(lat, v, per_metre, dt):
-    """Return the latitude in the middle of a step, rad; acceleration moves it by 0.1 mm at most."""
+    """Return the latitude in the middle of a step, rad, by the velocity at its start alone."""
     return lat + 0.5 * dt * v[0] * per_metre[0]
 
 
@@ -72,8 +73,8 @@ def middle_latitude(lat, v, per_metre, dt):
 def surroundings(params, field, sin_lat, cos_lat, lat, lon, h, v):
     """Return what the Earth does to a body at a place moving with `v` (NED).
 
-    Three triples: acceleration g - (2 omega_ie + omega_en) x v, m/s^2; omega_in_n, rad/s;
-    latitude, longitude and height per metre north, east, down.
+    Acceleration g - (2 omega_ie + omega_en) x v, m/s^2; omega_in_n, rad/s; latitude per metre
+    north and longitude per metre east.
     """
     per_meridian, per_transverse = curvatures(params, sin_lat, h)
     per_cos = 1.0 / cos_lat
@@ -84,7 +85,7 @@ def surroundings(params, field, sin_lat, cos_lat, lat, lon, h, v):
     return (
         (g[0] - coriolis[0], g[1] - coriolis[1], g[2] - coriolis[2]),
         (ie_n + en_n, en_e, ie_d + en_d),
-        (per_meridian, per_cos * per_transverse, -1.0),
+        (per_meridian, per_cos * per_transverse),
     )
 
 
@@ -113,10 +114,10 @@ def propagate(
     lost_lat, lost_lon, lost_h = carry[10], carry[11], carry[12]
     rest = (carry[13], carry[14], carry[15])
     rate = (carry[16], carry[17], carry[18])
-    per_metre = (carry[19], carry[20], carry[21])
-    near = (carry[22], carry[23], carry[24])
-    dt_before, bias = carry[25], carry[26]
-    lost_v = (carry[27], carry[28], carry[29])
+    per_metre = (carry[19], carry[20])
+    near = (carry[21], carry[22], carry[23])
+    dt_before, bias = carry[24], carry[25]
+    lost_v = (carry[26], carry[27], carry[28])
     n = dts.shape[0]
     k = 0
     while k < n:
@@ -181,10 +182,10 @@ def propagate(
     carry[10], carry[11], carry[12] = lost_lat, lost_lon, lost_h
     carry[13], carry[14], carry[15] = rest
     carry[16], carry[17], carry[18] = rate
-    carry[19], carry[20], carry[21] = per_metre
-    carry[22], carry[23], carry[24] = near
-    carry[25], carry[26] = dt_before, bias
-    carry[27], carry[28], carry[29] = lost_v
+    carry[19], carry[20] = per_metre
+    carry[21], carry[22], carry[23] = near
+    carry[24], carry[25] = dt_before, bias
+    carry[26], carry[27], carry[28] = lost_v
     return n
 
 
@@ -212,12 +213,12 @@ class Ned(Frame):
         carry[:3] = state.lat, state.lon, state.h
         carry[3:6] = v
         carry[6:10] = state.q_nb
-        carry[13:22] = np.concatenate(
+        carry[13:21] = np.concatenate(
             surroundings(
                 world.params, world.field, sin_lat, cos_lat, state.lat, state.lon, state.h, v
             )
         )
-        carry[22:25] = state.lat, sin_lat, cos_lat
+        carry[21:24] = state.lat, sin_lat, cos_lat
         super().__init__(world, epoch_ns, propagate, carry, MAX_LATITUDE)
 
     def _stopped(self, t: float, row: int) -> NumericalError:
