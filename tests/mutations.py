@@ -21,10 +21,9 @@ STEP = "navgrade/mechanization/step.py"
 NED = "navgrade/mechanization/ned.py"
 CARTESIAN = "navgrade/mechanization/cartesian.py"
 WANDER = "navgrade/mechanization/wander.py"
-CAUSAL = "navgrade/reconstruction/causal.py"
+PRODUCTS = "navgrade/reconstruction/products.py"
 CENTRED = "navgrade/reconstruction/centred.py"
 CONING = "navgrade/reconstruction/coning.py"
-BLOCKS = "navgrade/reconstruction/blocks.py"
 
 HOURS = "tests/navgrade/test_accuracy.py"
 TURNS = f"{HOURS}::test_hour[turning vehicle, causal-3, n]"
@@ -263,30 +262,30 @@ MUTATIONS = (
     ),
     Mutation(
         "coning term deleted",
-        CAUSAL,
-        "phi[row, i] = theta[i] + coning[i]",
-        "phi[row, i] = theta[i]",
+        PRODUCTS,
+        "(theta[0] + coning[0], theta[1] + coning[1], theta[2] + coning[2])",
+        "theta",
         (CONES,),
     ),
     Mutation(
         "half of sculling deleted",
-        CAUSAL,
-        " + sculling_theta[i]",
-        "",
+        PRODUCTS,
+        "+ sculling_v[2] + sculling_theta[2]",
+        "+ sculling_v[2]",
         (CONES,),
     ),
     Mutation(
         "rotation term halved to theta x v / 2",
-        CAUSAL,
-        "v[i] + r1 * turn[i] + r2 * turn2[i]",
-        "v[i] + 0.5 * turn[i]",
+        PRODUCTS,
+        "v[0] + r1 * turn[0] + r2 * turn2[0]",
+        "v[0] + 0.5 * turn[0]",
         (BODY,),
     ),
     Mutation(
         "displacement without its slope",
-        CAUSAL,
-        "(0.5 * dv[row, i] - (1.0 / 6.0) * rise)",
-        "0.5 * dv[row, i]",
+        PRODUCTS,
+        "(slope[0] + 0.5 * turn[0])",
+        "(0.5 * turn[0])",
         (BODY,),
     ),
     Mutation(
@@ -318,10 +317,10 @@ MUTATIONS = (
         (CONES,),
     ),
     Mutation(
-        "block form without sculling",
-        BLOCKS,
-        " + sculling_v[i] + sculling_theta[i]",
-        "",
+        "sculling of the sum in place of the last sample",
+        PRODUCTS,
+        "cross(A, v_last)",
+        "cross(A, v)",
         (CONES,),
     ),
     Mutation(

@@ -13,8 +13,8 @@ from __future__ import annotations
 import numpy as np
 
 from earth._jit import kernel
-from earth.rotation import cross, rotation_factors
 from navgrade.reconstruction.coning import EQUAL_BLOCK, MOST, is_equal, solve_weights
+from navgrade.reconstruction.products import update
 
 
 @kernel
@@ -61,20 +61,16 @@ def _reconstruct(equal, samples, dt, dtheta, dvel, phi, dv, dr):
                 B0 += c * dvel[j, 0]
                 B1 += c * dvel[j, 1]
                 B2 += c * dvel[j, 2]
-        theta, v, moment = (t0, t1, t2), (v0, v1, v2), (w0, w1, w2)
         theta_last = (dtheta[last, 0], dtheta[last, 1], dtheta[last, 2])
-        coning = cross((A0, A1, A2), theta_last)
-        sculling_v = cross((A0, A1, A2), (dvel[last, 0], dvel[last, 1], dvel[last, 2]))
-        sculling_theta = cross((B0, B1, B2), theta_last)
-        turn = cross(theta, v)
-        turn2 = cross(theta, turn)
-        r1, r2 = rotation_factors(t0 * t0 + t1 * t1 + t2 * t2)
-        slope = 3.0 / (1.0 - cubes) if count else 0.0
+        v_last = (dvel[last, 0], dvel[last, 1], dvel[last, 2])
+        factor = 3.0 / (1.0 - cubes) if count else 0.0
+        slope = (factor * w0, factor * w1, factor * w2)
+        A, B = (A0, A1, A2), (B0, B1, B2)
+        phi_k, dv_k, dr_k = update(T, (t0, t1, t2), (v0, v1, v2), A, B, theta_last, v_last, slope)
         for i in range(3):
-            phi[row, i] = theta[i] + coning[i]
-            dv[row, i] = v[i] + r1 * turn[i] + r2 * turn2[i] + sculling_v[i] + sculling_theta[i]
-            rise = slope * moment[i] + 0.5 * turn[i]
-            dr[row, i] = T * (0.5 * dv[row, i] - (1.0 / 6.0) * rise)
+            phi[row, i] = phi_k[i]
+            dv[row, i] = dv_k[i]
+            dr[row, i] = dr_k[i]
 
 
 def reconstruct(samples, dt, dtheta, dvel, phi, dv, dr):

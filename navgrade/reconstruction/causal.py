@@ -20,9 +20,9 @@ from __future__ import annotations
 import numpy as np
 
 from earth._jit import kernel
-from earth.rotation import cross, rotation_factors
 from navgrade.imu import Status
 from navgrade.reconstruction.coning import EQUAL_PREVIOUS, MOST, is_equal, solve_weights
+from navgrade.reconstruction.products import update
 
 _SHORT = np.uint32(Status.SHORT_WINDOW)
 
@@ -61,21 +61,20 @@ def _reconstruct(previous, equal, short, dt, dtheta, dvel, first, phi, dv, dr, s
         )
         theta = (dtheta[k, 0], dtheta[k, 1], dtheta[k, 2])
         v = (dvel[k, 0], dvel[k, 1], dvel[k, 2])
-        coning = cross(A, theta)
-        sculling_v = cross(A, v)
-        sculling_theta = cross(B, theta)
-        turn = cross(theta, v)
-        turn2 = cross(theta, turn)
-        r1, r2 = rotation_factors(theta[0] * theta[0] + theta[1] * theta[1] + theta[2] * theta[2])
         ratio, share = 0.0, 0.0
         if p:
             ratio = dt[k] / dt[k1]
             share = ratio / (1.0 + ratio)
+        slope = (
+            share * (v[0] - ratio * dvel[k1, 0]),
+            share * (v[1] - ratio * dvel[k1, 1]),
+            share * (v[2] - ratio * dvel[k1, 2]),
+        )
+        phi_k, dv_k, dr_k = update(dt[k], theta, v, A, B, theta, v, slope)
         for i in range(3):
-            phi[row, i] = theta[i] + coning[i]
-            dv[row, i] = v[i] + r1 * turn[i] + r2 * turn2[i] + sculling_v[i] + sculling_theta[i]
-            rise = share * (v[i] - ratio * dvel[k1, i]) + 0.5 * turn[i]
-            dr[row, i] = dt[k] * (0.5 * dv[row, i] - (1.0 / 6.0) * rise)
+            phi[row, i] = phi_k[i]
+            dv[row, i] = dv_k[i]
+            dr[row, i] = dr_k[i]
 
 
 def reconstruct(previous, dt, dtheta, dvel, first, phi, dv, dr, status):
