@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from navgrade.errors import SchemaError
 from navgrade.imu import MAX_MISSING, nominal_interval
-from navgrade.logs.cdr import Field, decode, parse_ros2msg
 from navgrade.logs.container import Issue, McapFile, RawMessages
+from navgrade.logs.container.cdr import Field, decode, parse_ros2msg
 
 _MAX_LISTED = 20
 

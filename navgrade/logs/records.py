@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navgrade.errors import SchemaError
-from navgrade.logs.cdr import Field, decode, parse_ros2msg
 from navgrade.logs.container import McapFile, RawMessages
+from navgrade.logs.container.cdr import Field, decode, parse_ros2msg
 
 STAMP = ("header.stamp.sec", "header.stamp.nanosec")
 
@@ -33,7 +33,7 @@ def fields_of(file: McapFile, channel: int) -> tuple[Field, ...]:
 def records(
     file: McapFile, run: RawMessages, needed: Iterable[str]
 ) -> Iterator[tuple[NDArray[np.intp], NDArray[np.void]]]:
-    """Yield (rows, records) of a run of messages, see `navgrade.logs.cdr.decode`.
+    """Yield (rows, records) of a run of messages, see `navgrade.logs.container.cdr.decode`.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""The message schemas this program reads and writes; one entry each.
+"""The message schemas this program reads; one entry each.
 
 Reader, writer, documentation and round-trip tests follow from an entry.
 """
@@ -8,53 +8,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from navgrade.imu import KINDS, Kind
+from navgrade.logs.messages import HEADER, QUATERNION, TIME, VECTOR3, Schema, definition
 from navgrade.vertical import Quantity
-
-_SEPARATOR = "=" * 80
-
-_HEADER = """\
-MSG: std_msgs/Header
-builtin_interfaces/Time stamp
-string frame_id"""
-_TIME = """\
-MSG: builtin_interfaces/Time
-int32 sec
-uint32 nanosec"""
-_VECTOR3 = """\
-MSG: geometry_msgs/Vector3
-float64 x
-float64 y
-float64 z"""
-_QUATERNION = """\
-MSG: geometry_msgs/Quaternion
-float64 x
-float64 y
-float64 z
-float64 w"""
-_NAV_SAT_STATUS = """\
-MSG: sensor_msgs/NavSatStatus
-int8 STATUS_NO_FIX=-1
-int8 STATUS_FIX=0
-int8 STATUS_SBAS_FIX=1
-int8 STATUS_GBAS_FIX=2
-int8 status
-uint16 SERVICE_GPS=1
-uint16 SERVICE_GLONASS=2
-uint16 SERVICE_COMPASS=4
-uint16 SERVICE_GALILEO=8
-uint16 service"""
-
-
-def _definition(*parts: str) -> str:
-    return f"\n{_SEPARATOR}\n".join(parts) + "\n"
-
-
-@dataclass(frozen=True)
-class Schema:
-    """A message type and its self-contained ``ros2msg`` definition."""
-
-    name: str
-    text: str
 
 
 @dataclass(frozen=True)
@@ -105,7 +60,7 @@ def _xyz(path: str) -> tuple[str, str, str]:
 
 IMU = ImuSchema(
     name="sensor_msgs/msg/Imu",
-    text=_definition(
+    text=definition(
         """\
 std_msgs/Header header
 geometry_msgs/Quaternion orientation
@@ -114,10 +69,10 @@ geometry_msgs/Vector3 angular_velocity
 float64[9] angular_velocity_covariance
 geometry_msgs/Vector3 linear_acceleration
 float64[9] linear_acceleration_covariance""",
-        _HEADER,
-        _TIME,
-        _QUATERNION,
-        _VECTOR3,
+        HEADER,
+        TIME,
+        QUATERNION,
+        VECTOR3,
     ),
     gyro=_xyz("angular_velocity"),
     accel=_xyz("linear_acceleration"),
@@ -128,16 +83,16 @@ float64[9] linear_acceleration_covariance""",
 
 IMU_INCREMENT = ImuSchema(
     name="navgrade_msgs/msg/ImuIncrement",
-    text=_definition(
+    text=definition(
         """\
 # Integrals of angular rate and specific force over an interval.
 std_msgs/Header header                  # stamp: end of the interval
 float64 interval_s
 geometry_msgs/Vector3 delta_angle       # rad
 geometry_msgs/Vector3 delta_velocity    # m/s""",
-        _HEADER,
-        _TIME,
-        _VECTOR3,
+        HEADER,
+        TIME,
+        VECTOR3,
     ),
     gyro=_xyz("delta_angle"),
     accel=_xyz("delta_velocity"),
@@ -150,13 +105,13 @@ IMU_SCHEMAS: dict[str, ImuSchema] = {schema.name: schema for schema in (IMU, IMU
 
 FLUID_PRESSURE = HeightSchema(
     name="sensor_msgs/msg/FluidPressure",
-    text=_definition(
+    text=definition(
         """\
 std_msgs/Header header
 float64 fluid_pressure
 float64 variance""",
-        _HEADER,
-        _TIME,
+        HEADER,
+        TIME,
     ),
     field="fluid_pressure",
     quantities=("pressure_pa",),
@@ -165,7 +120,7 @@ float64 variance""",
 
 FLOAT64 = HeightSchema(
     name="std_msgs/msg/Float64",
-    text=_definition("float64 data"),
+    text=definition("float64 data"),
     field="data",
     quantities=("height_m", "pressure_pa"),
     stamped=False,
@@ -173,7 +128,7 @@ FLOAT64 = HeightSchema(
 
 FLOAT32 = HeightSchema(
     name="std_msgs/msg/Float32",
-    text=_definition("float32 data"),
+    text=definition("float32 data"),
     field="data",
     quantities=("height_m", "pressure_pa"),
     stamped=False,
@@ -182,48 +137,3 @@ FLOAT32 = HeightSchema(
 HEIGHT_SCHEMAS: dict[str, HeightSchema] = {
     schema.name: schema for schema in (FLUID_PRESSURE, FLOAT64, FLOAT32)
 }
-
-NAV_SOLUTION = Schema(
-    name="navgrade_msgs/msg/NavSolution",
-    text=_definition(
-        """\
-# Position, velocity and attitude of the body over the WGS-84 ellipsoid.
-std_msgs/Header header                  # stamp: instant of the solution
-float64 latitude_deg                    # geodetic
-float64 longitude_deg
-float64 height_m                        # above the ellipsoid
-float64 v_north_m_s
-float64 v_east_m_s
-float64 v_down_m_s
-float64 roll_deg
-float64 pitch_deg
-float64 heading_deg                     # clockwise from true north, 0 to 360
-geometry_msgs/Quaternion orientation    # body (forward-right-down) to north-east-down
-uint32 status                           # 1 bridged, 2 stretched, 4 short window,
-                                        # 8 shifted window, 16 no pressure height""",
-        _HEADER,
-        _TIME,
-        _QUATERNION,
-    ),
-)
-
-NAV_SAT_FIX = Schema(
-    name="sensor_msgs/msg/NavSatFix",
-    text=_definition(
-        """\
-std_msgs/Header header
-sensor_msgs/NavSatStatus status
-float64 latitude
-float64 longitude
-float64 altitude
-float64[9] position_covariance
-uint8 COVARIANCE_TYPE_UNKNOWN=0
-uint8 COVARIANCE_TYPE_APPROXIMATED=1
-uint8 COVARIANCE_TYPE_DIAGONAL_KNOWN=2
-uint8 COVARIANCE_TYPE_KNOWN=3
-uint8 position_covariance_type""",
-        _HEADER,
-        _TIME,
-        _NAV_SAT_STATUS,
-    ),
-)

@@ -16,8 +16,9 @@ from numpy.typing import NDArray
 from earth.units import DEG
 from navgrade.errors import ConfigError
 from navgrade.imu import ImuSamples
-from navgrade.logs.cdr import parse_ros2msg, record_template
-from navgrade.logs.schemas import IMU_INCREMENT, NAV_SAT_FIX, NAV_SOLUTION, Schema
+from navgrade.logs.container.cdr import parse_ros2msg, record_template
+from navgrade.logs.messages import NAV_SAT_FIX, NAV_SOLUTION, Schema
+from navgrade.logs.schemas import IMU_INCREMENT
 from navgrade.state import Trajectory
 
 SOLUTION_TOPIC = "/navgrade/solution"

@@ -14,7 +14,7 @@ from rosbags.typesys import Stores, get_typestore
 
 from navgrade.errors import ConfigError, LogError, SchemaError
 from navgrade.logs import Heights, read_heights
-from navgrade.logs.cdr import parse_ros2msg
+from navgrade.logs.container.cdr import parse_ros2msg
 from navgrade.logs.schemas import HEIGHT_SCHEMAS
 from navgrade.vertical import BaroLoop
 from tests.navgrade.logmaking import (
