@@ -26,6 +26,7 @@ from navgrade.imu import ImuSamples, Status, concatenate
 from navgrade.logs import (
     PROVENANCE,
     ImuLog,
+    Issue,
     SolutionWriter,
     check_output,
     open_imu,
@@ -91,6 +92,8 @@ class RunSummary:
         Bridged.
     issues : list of str
         Defects of the file.
+    notes : list of str
+        What the reading met, see `ImuLog.notes`, and was not known when the log was opened.
     counts : dict of str to int
         Samples per status bit.
     seconds : float
@@ -110,6 +113,7 @@ class RunSummary:
     duration: float = 0.0
     gaps: list[Gap] = field(default_factory=list)
     issues: list[str] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
     counts: dict[str, int] = field(default_factory=dict)
     seconds: float = 0.0
 
@@ -122,9 +126,12 @@ def open_log(path: str | Path, site: Site, choices: Choices) -> ImuLog:
         choices.kind or site.kind,
         choices.axes or site.axes,
         strict=choices.strict,
-        gyro_unit=site.gyro_unit or "rad/s",
-        accel_unit=site.accel_unit or "m/s^2",
+        gyro_unit=site.gyro_unit,
+        accel_unit=site.accel_unit,
         dv_frame=site.dv_frame or "start",
+        rate_hz=site.rate_hz,
+        accel_topic=site.accel_topic,
+        fields=site.fields,
     )
 
 
@@ -249,16 +256,14 @@ def alignment_report(aligned: AlignedWindow) -> dict[str, Any]:
 
 def _initial_state(log: ImuLog, initial: Initial) -> NavState:
     """The known state on the log's clock, after a look at the units where it stands still."""
-    head: list[ImuSamples] = []
-    epoch_ns = 0
-    for block in log.blocks():
-        epoch_ns = block.epoch_ns
-        head.append(block)
-        if block.t[-1] > _CHECK_SPAN:
-            break
     state = initial.state
-    t = (initial.time_ns - epoch_ns) * 1e-9
+    t = (initial.time_ns - log.epoch_ns) * 1e-9
     if float(np.linalg.norm(state.v_eb_n)) < _AT_REST and abs(t) < _CHECK_SPAN:
+        head: list[ImuSamples] = []
+        for block in log.blocks():
+            head.append(block)
+            if block.t[-1] > _CHECK_SPAN:
+                break
         samples = concatenate(head)
         samples = samples[: max(int(np.searchsorted(samples.t, _CHECK_SPAN)), 2)]
         _check_units(samples, state.lat)
@@ -303,6 +308,7 @@ def run(
     """
     choices = choices or Choices()
     output = Path(output)
+    known = log.notes
     began = time.perf_counter()
     reconstruction = _choose("reconstruction", choices, site, body.RECONSTRUCTIONS, body.DEFAULT)
     frame = _choose("frame", choices, site, frames.MECHANIZATIONS, frames.DEFAULT)
@@ -311,7 +317,7 @@ def run(
     disturbance = _disturbance(site)
     if rate_hz is not None and not (np.isfinite(rate_hz) and rate_hz > 0.0):
         raise ConfigError(f"the output rate must be positive, got {rate_hz!r} Hz")
-    if output.exists() and output.samefile(log.path):
+    if output.exists() and isinstance(log.path, Path) and output.samefile(log.path):
         raise ConfigError(f"the output {output} is the input log")
     check_output(output, overwrite=overwrite)
     alignment = None
@@ -323,7 +329,10 @@ def run(
         if aligned:
             aligned(alignment)
     summary = RunSummary(output, log, alignment, reconstruction, frame, vertical, gravity, state)
-    aid = _baro_loop(log, site, state, strict=choices.strict) if vertical == "baro" else None
+    of_heights: list[Issue] = []
+    aid = None
+    if vertical == "baro":
+        aid = _baro_loop(log, site, state, of_heights, strict=choices.strict)
     with SolutionWriter(output, overwrite=overwrite, rate_hz=rate_hz) as out:
         try:
             for nav in solve(
@@ -349,7 +358,9 @@ def run(
             if site.initial is not None:
                 what = "initial.time lies outside the log"
             raise ConfigError(f"{what}: {error}", file=site.file) from None
-        summary.issues = [f"{issue.text} (byte {issue.offset})" for issue in log.issues]
+        issues = dict.fromkeys((*log.issues, *of_heights))
+        summary.issues = [f"{issue.text} (byte {issue.offset})" for issue in issues]
+        summary.notes = [note for note in log.notes if note not in known]
         end_ns = nav.epoch_ns + round(float(nav.t[-1]) * 1e9)
         out.attach(Path(site.file).name, "application/toml", site.text, end_ns)
         out.metadata(PROVENANCE, _provenance(summary, site, aid))
@@ -389,15 +400,20 @@ def _disturbance(site: Site) -> DisturbanceGrid | None:
         raise ConfigError(f"{key}: {error}", file=site.file, key=key) from None
 
 
-def _baro_loop(log: ImuLog, site: Site, state: NavState, *, strict: bool) -> BaroLoop:
-    """The heights of the site file's topic, on the clock of the samples, from `state` on."""
+def _baro_loop(
+    log: ImuLog, site: Site, state: NavState, issues: list[Issue], *, strict: bool
+) -> BaroLoop:
+    """The heights of the site file's topic, on the clock of the samples, from `state` on.
+
+    `issues` receives the defects of the file met.
+    """
     baro = site.baro or BaroSettings()
     heights = read_heights(
         log.path, baro.topic, field=baro.field, quantity=baro.quantity, strict=strict
     )
-    epoch_ns = next(iter(log.blocks())).epoch_ns
+    issues += heights.issues
     try:
-        loop = BaroLoop(heights.seconds(epoch_ns), heights.h, baro.gains, baro.reference)
+        loop = BaroLoop(heights.seconds(log.epoch_ns), heights.h, baro.gains, baro.reference)
         return loop.aligned(state.t, state.h)
     except ValueError as error:
         raise LogError(f"the heights: {error}", file=str(log.path), topic=baro.topic) from None
@@ -408,7 +424,7 @@ def _provenance(summary: RunSummary, site: Site, aid: BaroLoop | None) -> dict[s
     alignment = summary.alignment
     return {
         "version": version("navgrade"),
-        "input": log.path.name,
+        "input": Path(log.path).name,
         "input_sha256": sha256(log.path),
         "topic": log.topic,
         "schema": log.schema.name,
@@ -417,6 +433,9 @@ def _provenance(summary: RunSummary, site: Site, aid: BaroLoop | None) -> dict[s
         "gyro_unit": log.gyro_unit,
         "accel_unit": log.accel_unit,
         "dv_frame": log.dv_frame,
+        **({"rate_hz": str(log.rate_hz)} if log.rate_hz else {}),
+        **({"accel_topic": log.accel_topic} if log.accel_topic else {}),
+        **({"notes": json.dumps(log.notes)} if log.notes else {}),
         "reconstruction": summary.reconstruction,
         "frame": summary.frame,
         "vertical": summary.vertical,

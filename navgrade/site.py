@@ -20,6 +20,8 @@ from earth.rotation import quat_from_euler
 from earth.units import DEG, DEG_PER_H, DEG_PER_RTH, UG, UG_PER_RTHZ
 from navgrade.errors import ConfigError
 from navgrade.imu import DV_FRAMES, DvFrame
+from navgrade.logs import ImuFields
+from navgrade.logs.schemas import Vector
 from navgrade.state import NavState
 from navgrade.vertical import (
     CLASSICAL_GAINS,
@@ -38,7 +40,19 @@ DEFAULT_HEADING_SIGMA = 1.0 * DEG  # of a known heading whose sigma nobody state
 
 KEYS: dict[str, tuple[str, ...]] = {
     "": ("imu", "site", "alignment", "initial", "mechanization", "baro"),
-    "imu": ("topic", "kind", "axes", "gyro_unit", "accel_unit", "dv_frame", "errors"),
+    "imu": (
+        "topic",
+        "accel_topic",
+        "kind",
+        "axes",
+        "gyro_unit",
+        "accel_unit",
+        "dv_frame",
+        "rate_hz",
+        "fields",
+        "errors",
+    ),
+    "imu.fields": ("gyro", "accel", "time", "time_unit", "clock", "interval", "interval_unit"),
     "imu.errors": ("gyro_bias_deg_h", "accel_bias_ug", "arw_deg_rth", "vrw_ug_rthz"),
     "site": (
         "latitude",
@@ -121,6 +135,12 @@ class Site:
     text : bytes
         As read, for the attachment.
     topic, kind, axes, gyro_unit, accel_unit : str or None
+    accel_topic : str or None
+        Of the specific forces, where they have a topic of their own.
+    rate_hz : float or None
+        Of the IMU.
+    fields : ImuFields or None
+        Where the samples stand in messages of a type this program does not know.
     dv_frame : {"start", "end"} or None
         Of compensated velocity increments: resolved in b at the start or the end of the interval.
     errors : SensorErrors
@@ -140,6 +160,9 @@ class Site:
     axes: str | None = None
     gyro_unit: str | None = None
     accel_unit: str | None = None
+    accel_topic: str | None = None
+    rate_hz: float | None = None
+    fields: ImuFields | None = None
     dv_frame: DvFrame | None = None
     errors: SensorErrors = field(default_factory=SensorErrors)
     place: Place | None = None
@@ -322,6 +345,9 @@ def read_site(path: str | Path) -> Site:
         axes=imu.text("axes"),
         gyro_unit=imu.text("gyro_unit"),
         accel_unit=imu.text("accel_unit"),
+        accel_topic=imu.text("accel_topic"),
+        rate_hz=imu.positive("rate_hz"),
+        fields=_fields(imu),
         dv_frame=imu.choice("dv_frame", DV_FRAMES),
         errors=_errors(_Table(file, "imu.errors", imu.values.get("errors", {}))),
         place=place,
@@ -334,6 +360,30 @@ def read_site(path: str | Path) -> Site:
         disturbance=None if disturbance is None else path.parent / disturbance,
         baro=_baro(tables["baro"]) if "baro" in tables else None,
     )
+
+
+def _fields(imu: _Table) -> ImuFields | None:
+    if "fields" not in imu:
+        return None
+    table = _Table(imu.file, "imu.fields", imu.values["fields"])
+
+    def vector(key: str) -> Vector:
+        value = table.values.get(key)
+        if isinstance(value, list) and len(value) == 3 and all(isinstance(v, str) for v in value):
+            return value[0], value[1], value[2]
+        if isinstance(value, str):
+            return value
+        raise table.error(key, f"must be the path of a vector, or of its x, y and z, got {value!r}")
+
+    texts = {
+        key: text
+        for key in KEYS["imu.fields"]
+        if key not in ("gyro", "accel") and (text := table.text(key)) is not None
+    }
+    try:
+        return ImuFields(vector("gyro"), vector("accel"), **texts)
+    except ConfigError as error:
+        raise ConfigError(str(error), file=table.file, key=error.key) from None
 
 
 def _errors(table: _Table) -> SensorErrors:

@@ -13,7 +13,8 @@ import click
 _COMMANDS = {
     "run": "Align on a log's still part and navigate through the rest.",
     "align": "Print the alignment report alone.",
-    "inspect": "List topics, rates and time defects of a log.",
+    "inspect": "List topics, rates and defects of a log.",
+    "convert": "Turn a log into increments or a table, or a table into a log.",
 }
 
 

@@ -12,16 +12,16 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 log_argument = click.argument("log", type=click.Path(path_type=Path), metavar="LOG.mcap")
 
-_SOURCE = (
-    click.option(
-        "-c",
-        "--config",
-        "site_file",
-        required=True,
-        type=click.Path(path_type=Path),
-        metavar="SITE.toml",
-        help="Site file: IMU, survey, alignment window.",
-    ),
+_SITE = click.option(
+    "-c",
+    "--config",
+    "site_file",
+    required=True,
+    type=click.Path(path_type=Path),
+    metavar="SITE.toml",
+    help="Site file: IMU, survey, alignment window.",
+)
+_IMU = (
     click.option("--imu-topic", help="IMU topic; needed when the log has several."),
     click.option(
         "--kind",
@@ -33,8 +33,13 @@ _SOURCE = (
 )
 
 
-def source_options(command: F) -> F:
-    """Add the options that name and describe the input."""
-    for option in reversed(_SOURCE):
+def imu_options(command: F) -> F:
+    """Add the options that name and describe the IMU."""
+    for option in reversed(_IMU):
         command = option(command)
     return command
+
+
+def source_options(command: F) -> F:
+    """Add the site file and the options that name and describe the IMU."""
+    return _SITE(imu_options(command))

@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
 import numpy as np
 from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from earth.rotation import euler_from_quat
 from earth.units import DEG, DEG_PER_H
@@ -23,12 +28,32 @@ def warn(text: str) -> None:
     console.print(f"warning: {text}", style="yellow", markup=False)
 
 
+@contextmanager
+def progress_bar(what: str, file: Path) -> Iterator[Callable[[int], None]]:
+    """A bar on a terminal; yields the function that takes the bytes of the file read so far."""
+    bar = Progress(
+        TextColumn(what),
+        BarColumn(),
+        TextColumn("{task.percentage:3.0f} %"),
+        TimeRemainingColumn(),
+        console=console,
+        transient=True,
+        disable=not console.is_terminal,
+    )
+    with bar:
+        task = bar.add_task("", total=file.stat().st_size if file.is_file() else None)
+        yield lambda done: bar.update(task, completed=done)
+
+
 def show_source(log: ImuLog, *, axes_given: bool) -> None:
     """Say what is read, and how it is understood."""
-    axes = log.axes if axes_given else f"{log.axes} (nobody said: the ROS default)"
+    default = "as its messages say" if log.schema.axes else "nobody said: the ROS default"
+    axes = log.axes if axes_given else f"{log.axes} ({default})"
     console.print(
         f"{log.path}  {log.topic}  {log.schema.name}, kind {log.kind}, axes {axes}", markup=False
     )
+    for note in log.notes:
+        warn(note)
 
 
 def show_alignment(aligned: AlignedWindow) -> None:
@@ -90,5 +115,5 @@ def show_summary(summary: RunSummary) -> None:
     row("final attitude", f"roll {roll:.5f}°  pitch {pitch:.5f}°  heading {heading % 360.0:.5f}°")
     row("speed", f"{summary.samples / summary.seconds:,.0f} samples/s, {summary.seconds:.2f} s")
     row("written", str(summary.output))
-    for issue in summary.issues:
-        warn(issue)
+    for text in (*summary.issues, *summary.notes):
+        warn(text)

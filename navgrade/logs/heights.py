@@ -9,10 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navgrade.errors import ConfigError, LogError, SchemaError
-from navgrade.logs.container import McapFile, RawMessages
-from navgrade.logs.records import STAMP, fields_of, records, stamps_ns
-from navgrade.logs.schemas import FLUID_PRESSURE, HEIGHT_SCHEMAS
-from navgrade.logs.topics import Topic, list_topics
+from navgrade.logs.container import Columns, Issue, McapFile
+from navgrade.logs.schemas import FLUID_PRESSURE, HEADER_STAMP, HEIGHT_SCHEMAS
+from navgrade.logs.topics import Topic, find_topic, list_topics
 from navgrade.vertical import (
     P_MAX,
     P_MIN,
@@ -32,10 +31,13 @@ class Heights(NamedTuple):
         Unix time, ns; increasing.
     h : ndarray, shape (n,)
         m.
+    issues : tuple of Issue
+        Defects of the file.
     """
 
     time_ns: NDArray[np.int64]
     h: NDArray[np.float64]
+    issues: tuple[Issue, ...] = ()
 
     def seconds(self, epoch_ns: int) -> NDArray[np.float64]:
         """Times on the axis of IMU samples whose epoch is `epoch_ns`, s."""
@@ -47,6 +49,11 @@ class _Source(NamedTuple):
     field: str
     quantity: Quantity
     stamped: bool
+
+    @property
+    def paths(self) -> list[str]:
+        """Members to read."""
+        return [*(HEADER_STAMP.paths if self.stamped else ()), self.field]
 
 
 def read_heights(
@@ -67,11 +74,11 @@ def read_heights(
 
     Parameters
     ----------
-    path : path
+    path : path or URL
     topic : str, optional
         May be left out when the log has one FluidPressure topic.
     field : str, optional
-        Dotted path of a floating-point member, such as ``pose.position.z``.
+        Dotted path of a number, such as ``pose.position.z``.
     quantity : {"height_m", "pressure_pa"}, optional
         What the number is: m, or Pa. Required beside a `field` of an unknown schema.
     strict : bool
@@ -90,24 +97,18 @@ def read_heights(
     ConfigError
         When `field` or `quantity` is missing, unknown or not what the schema can hold.
     """
-    path = Path(path)
     source = _choose(path, topic, field, quantity)
     file = McapFile(path, strict=strict)
-    times: list[NDArray[np.int64]] = []
-    values: list[NDArray[np.float64]] = []
-    for run in file.runs(lambda channel: channel.topic == source.topic):
-        try:
-            time_ns, value = _columns(file, run, source)
-        except (SchemaError, UnicodeDecodeError) as error:
-            raise SchemaError(str(error), file=str(path), topic=source.topic) from None
-        times.append(time_ns)
-        values.append(value)
-    if not times:
+    parts = [
+        _column(file, columns, source) for columns in file.columns({source.topic: source.paths})
+    ]
+    if not parts:
         raise LogError("no message of it is in the log", file=str(path), topic=source.topic)
-    return _checked(path, source, np.concatenate(times), np.concatenate(values))
+    time_ns, value = map(np.concatenate, zip(*parts, strict=True))
+    return _checked(path, source, time_ns, value)._replace(issues=tuple(file.issues))
 
 
-def _choose(path: Path, name: str | None, field: str | None, quantity: str | None) -> _Source:
+def _choose(path: str | Path, name: str | None, field: str | None, quantity: str | None) -> _Source:
     if quantity is not None and quantity not in QUANTITIES:
         raise ConfigError(
             f"quantity {quantity!r} is not one of {', '.join(QUANTITIES)}", key="baro.quantity"
@@ -115,14 +116,7 @@ def _choose(path: Path, name: str | None, field: str | None, quantity: str | Non
     if field is not None and name is None:
         raise ConfigError(f"field {field!r} needs the topic it is in", key="baro.topic")
     topics = list_topics(path)
-    chosen = _topic(path, topics, name)
-    if chosen.encoding != "cdr":
-        raise SchemaError(
-            f"message encoding {chosen.encoding!r} is not read, only ROS 2 cdr; convert the log "
-            "to ROS 2 first",
-            file=str(path),
-            topic=chosen.name,
-        )
+    chosen = find_topic(path, topics, _only_pressure(path, topics) if name is None else name)
     schema = HEIGHT_SCHEMAS.get(chosen.schema)
     if schema is not None and field in (None, schema.field):
         allowed, field, stamped = schema.quantities, schema.field, schema.stamped
@@ -149,15 +143,10 @@ def _choose(path: Path, name: str | None, field: str | None, quantity: str | Non
     )
 
 
-def _topic(path: Path, topics: list[Topic], name: str | None) -> Topic:
-    held = "; ".join(map(str, topics)) or "no topics at all"
-    if name is not None:
-        for topic in topics:
-            if topic.name == name:
-                return topic
-        raise LogError(f"no such topic; the log holds {held}", file=str(path), topic=name)
+def _only_pressure(path: str | Path, topics: list[Topic]) -> str:
     usable = [t for t in topics if t.schema == FLUID_PRESSURE.name and t.count]
     if not usable:
+        held = "; ".join(map(str, topics)) or "no topics at all"
         raise LogError(
             f"no {FLUID_PRESSURE.name} topic; name a topic of heights with baro.topic; "
             f"the log holds {held}",
@@ -169,35 +158,24 @@ def _topic(path: Path, topics: list[Topic], name: str | None) -> Topic:
             + "; ".join(map(str, usable)),
             file=str(path),
         )
-    return usable[0]
+    return usable[0].name
 
 
-def _columns(
-    file: McapFile, run: RawMessages, source: _Source
+def _column(
+    file: McapFile, columns: Columns, source: _Source
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    numbers = [
-        f.path
-        for f in fields_of(file, run.channel)
-        if f.type in ("float32", "float64") and f.count is None
-    ]
-    if source.field not in numbers:
-        name = file.schema_name(file.channels[run.channel])
-        raise SchemaError(
-            f"{name} has no floating-point number {source.field}; it has "
-            + (", ".join(numbers) or "none")
-        )
-    time_ns = run.log_time_ns.copy()
-    value = np.empty(len(run.sizes))
-    needed = [*STAMP, source.field] if source.stamped else [source.field]
-    for at, found in records(file, run, needed):
-        value[at] = found[source.field]
-        if source.stamped:
-            time_ns[at] = stamps_ns(found)
-    return time_ns, value
+    time_ns = columns.log_time_ns
+    if source.stamped:
+        (stamp,) = HEADER_STAMP.paths
+        time_ns = columns.fields[stamp]
+    value = columns.fields[source.field]
+    if value.ndim != 1 or value.dtype.kind not in "if":
+        raise SchemaError(f"{source.field} is not a number", file=file.name, topic=source.topic)
+    return time_ns, value.astype(np.float64)
 
 
 def _checked(
-    path: Path, source: _Source, time_ns: NDArray[np.int64], value: NDArray[np.float64]
+    path: str | Path, source: _Source, time_ns: NDArray[np.int64], value: NDArray[np.float64]
 ) -> Heights:
     def error(index: int, text: str) -> LogError:
         seconds = (int(time_ns[index]) - int(time_ns[0])) * 1e-9

@@ -17,8 +17,7 @@ from earth.units import DEG
 from navgrade.errors import ConfigError
 from navgrade.imu import ImuSamples
 from navgrade.logs.container.cdr import parse_ros2msg, record_template
-from navgrade.logs.messages import NAV_SAT_FIX, NAV_SOLUTION, Schema
-from navgrade.logs.schemas import IMU_INCREMENT
+from navgrade.logs.messages import IMU_INCREMENT, NAV_SAT_FIX, NAV_SOLUTION, Schema
 from navgrade.state import Trajectory
 
 SOLUTION_TOPIC = "/navgrade/solution"
@@ -239,7 +238,7 @@ def write_increments(
     with _McapOutput(path, overwrite=overwrite) as out:
         channel = _Channel(out._writer, topic, IMU_INCREMENT, frame_id)
         columns = {"interval_s": imu.dt}
-        for i in range(3):
-            columns[IMU_INCREMENT.gyro[i]] = imu.gyro[:, i]
-            columns[IMU_INCREMENT.accel[i]] = imu.accel[:, i]
+        for i, axis in enumerate("xyz"):
+            columns[f"delta_angle.{axis}"] = imu.gyro[:, i]
+            columns[f"delta_velocity.{axis}"] = imu.accel[:, i]
         channel.put(imu.epoch_ns + np.rint(imu.t * 1e9).astype(np.int64), columns)

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-from mcap.writer import CompressionType, Writer
+from mcap.writer import CompressionType, IndexType, Writer
 from numpy.typing import ArrayLike, NDArray
 
 from tests.oracles.constants import OMEGA
@@ -208,6 +208,7 @@ def write_log(
     chunk_bytes: int = 1 << 20,
     chunked: bool = True,
     summary: bool = True,
+    index: IndexType = IndexType.ALL,
     attachment: tuple[str, bytes] | None = None,
 ) -> Path:
     """Write channels as MCAP, their messages merged by log time."""
@@ -217,6 +218,7 @@ def write_log(
             chunk_size=chunk_bytes,
             compression=COMPRESSIONS[compression],
             use_chunking=chunked,
+            index_types=index,
             repeat_channels=summary,
             repeat_schemas=summary,
             use_statistics=summary,

@@ -1,5 +1,7 @@
 """MCAP and the encodings of its messages; knows nothing of navigation."""
 
-from navgrade.logs.container.reader import Issue, McapFile, RawMessages
+from navgrade.logs.container.definitions import Member
+from navgrade.logs.container.reader import Columns, McapFile, Messages
+from navgrade.logs.container.walk import Issue
 
-__all__ = ["Issue", "McapFile", "RawMessages"]
+__all__ = ["Columns", "Issue", "McapFile", "Member", "Messages"]

@@ -1,0 +1,110 @@
+"""No mutated log hangs or crashes the reader, or makes it give a wrong number as good.
+
+The long run is ``python -m tests.fuzz``.
+"""
+
+from __future__ import annotations
+
+import io
+import os
+import time
+import zlib
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+
+from navgrade.logs.container import chunks
+from tests.fuzz.corpus import Sample, corpus
+from tests.fuzz.harness import Limits, case, fuzz
+from tests.fuzz.judge import GOOD, How, Reader, Reading, by_navgrade, examine
+from tests.fuzz.mutate import Mutant
+
+SAMPLES = corpus()
+PLAIN = How(columns=False, strict=True, threads=1, window=None)
+
+
+@pytest.mark.parametrize("columns", [True, False])
+@pytest.mark.parametrize("sample", SAMPLES, ids=lambda sample: sample.name)
+def test_what_mutations_start_from_is_read_whole(sample: Sample, columns: bool) -> None:
+    how = How(columns, strict=True, threads=1, window=None)
+    verdict = examine(Mutant([sample.data]), sample, how, by_navgrade)
+    assert verdict.outcome == "whole", verdict.story
+
+
+def test_mutated_logs_do_no_harm() -> None:
+    report = fuzz(2_000, seed=2, jobs=2, reader=by_navgrade)
+    assert not report.failures, next(iter(report.failures.items()))
+    assert sum(report.outcomes.values()) == 2_000
+    assert set(report.outcomes) == set(GOOD)
+
+
+def test_a_seed_gives_the_same_cases() -> None:
+    once, again = (case(3, 41, SAMPLES) for _ in range(2))
+    assert once.mutant.data == again.mutant.data
+    assert once.how == again.how
+    assert once.mutant.data != case(3, 42, SAMPLES).mutant.data
+
+
+# ---- the harness can fail ----------------------------------------------------------------------
+
+
+def by_official(data: bytes, sample: Sample, how: How) -> Reading:
+    """The official reader as it comes: it verifies no checksum."""
+    rows = [
+        (channel.topic, message.sequence, message.log_time, message.publish_time, message.data)
+        for _, channel, message in make_reader(io.BytesIO(data)).iter_messages()
+    ]
+    return Reading(rows)
+
+
+def hanging(data: bytes, sample: Sample, how: How) -> Reading:
+    """A reader that damage sends round in circles."""
+    time.sleep(0.0 if data == sample.data else 60.0)
+    return by_navgrade(data, sample, how)
+
+
+def crashing(data: bytes, sample: Sample, how: How) -> Reading:
+    """A reader that takes the whole process with it."""
+    if data != sample.data:
+        os.abort()
+    return by_navgrade(data, sample, how)
+
+
+def hoarding(data: bytes, sample: Sample, how: How) -> Reading:
+    """A reader that takes memory for damage."""
+    if data != sample.data:
+        np.ones(50 << 20, np.uint8)
+    return by_navgrade(data, sample, how)
+
+
+def losing(data: bytes, sample: Sample, how: How) -> Reading:
+    """A reader that forgets the last message."""
+    reading = by_navgrade(data, sample, how)
+    return Reading(reading.rows[:-1], reading.columns[:-1], reading.issues)
+
+
+@pytest.mark.parametrize(
+    ("reader", "count", "outcomes"),
+    [
+        (by_official, 300, {"wrong value", "foreign error"}),
+        (losing, 30, {"silent loss"}),
+        (hanging, 2, {"hang"}),
+        (crashing, 2, {"crash"}),
+        (hoarding, 2, {"memory"}),
+    ],
+)
+def test_a_bad_reader_is_found_out(reader: Reader, count: int, outcomes: set[str]) -> None:
+    """And the cases after it are still judged."""
+    report = fuzz(count, 4, 1, reader, Limits(seconds=0.5, megabytes=30.0))
+    assert sum(report.outcomes.values()) == count
+    assert outcomes <= {verdict.outcome for verdict in report.failures.values()}
+
+
+def test_a_reader_without_checksums_is_found_out(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its own code, with every chunk's sum said to be zero: not given."""
+    parse = chunks.ChunkHead.parse
+    monkeypatch.setattr(chunks.ChunkHead, "parse", lambda content: parse(content)._replace(crc=0))
+    cases = [case(5, index, SAMPLES) for index in range(400)]
+    found = {examine(c.mutant, c.sample, c.how, by_navgrade).outcome for c in cases}
+    assert "wrong value" in found
