@@ -1,4 +1,4 @@
-"""Measure what the documentation claims: ``python -m benchmarks [accuracy|speed|solvers]``."""
+"""Measure what the documentation claims: ``python -m benchmarks [WHAT]``, see ``--help``."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import argparse
 import importlib.util
 from pathlib import Path
 
-ACCURACY = Path(__file__).resolve().parents[1] / "docs" / "accuracy.md"
+DOCS = Path(__file__).resolve().parents[1] / "docs"
 
 _HEAD = """\
 # Accuracy
@@ -66,14 +66,14 @@ def accuracy(write: bool) -> None:
     text = _HEAD + "\n".join(lines) + "\n" + _COMPARISON + "\n".join(comparison(peer)) + "\n"
     text += _CONING + "\n".join(coning_table()) + "\n" + _LIMITS
     if write:
-        ACCURACY.write_text(text)
+        (DOCS / "accuracy.md").write_text(text)
     print(text)
 
 
 def speed() -> None:
-    """Print speed, start-up and memory."""
+    """Print the engine's speed, and start-up."""
     from benchmarks.c_loop import c_ratio
-    from benchmarks.speed import kernel_ratio, long_log, memory, startup
+    from benchmarks.speed import kernel_ratio, long_log, startup
 
     if importlib.util.find_spec("pyins") is None:
         print('pyins is not installed (pip install ".[bench]"): no ratio')
@@ -82,15 +82,41 @@ def speed() -> None:
     print("\n".join(c_ratio()))
     print("\n".join(long_log()))
     print("\n".join(startup()))
-    print("\n".join(memory()))
+
+
+def mcap(write: bool, messages: int, rounds: int, long: bool) -> None:
+    """Print the performance page as it is measured, and write it to docs."""
+    from benchmarks.mcap_speed import report
+
+    text = ""
+    for section in report(messages, rounds=rounds, long=long):
+        print(section, end="", flush=True)
+        text += section
+    if write:
+        (DOCS / "performance.md").write_text(text)
+
+
+def schemas(write: bool) -> None:
+    """Print the page of message types, or write it to docs."""
+    from benchmarks.schemas import page
+
+    if write:
+        (DOCS / "schemas.md").write_text(page())
+    print(page())
 
 
 def main() -> None:
     """Run the benchmarks named on the command line, all of them by default."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
-    choices = ("accuracy", "speed", "solvers", "all")
+    choices = ("accuracy", "speed", "solvers", "mcap", "schemas", "all")
     parser.add_argument("what", nargs="?", choices=choices, default="all")
-    parser.add_argument("--write", action="store_true", help="write docs/accuracy.md")
+    parser.add_argument(
+        "--write", action="store_true", help="write docs/accuracy.md, performance.md, schemas.md"
+    )
+    logs = parser.add_argument_group("mcap")
+    logs.add_argument("--messages", type=int, default=2_000_000, metavar="N", help="at least 5000")
+    logs.add_argument("--quick", action="store_true", help="one round instead of five")
+    logs.add_argument("--long", action="store_true", help="navigate ten hours as well as one")
     options = parser.parse_args()
     if options.what in ("accuracy", "all"):
         accuracy(options.write)
@@ -100,6 +126,10 @@ def main() -> None:
         from benchmarks.picard import picard_table
 
         print("\n".join(picard_table()))
+    if options.what in ("mcap", "all"):
+        mcap(options.write, options.messages, 1 if options.quick else 5, options.long)
+    if options.what in ("schemas", "all"):
+        schemas(options.write)
 
 
 if __name__ == "__main__":

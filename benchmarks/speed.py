@@ -1,18 +1,16 @@
-"""Speed, start-up and memory; ratios in one run, since machines differ and drift."""
+"""Speed and start-up; ratios in one run, since machines differ and drift."""
 
 from __future__ import annotations
 
 import statistics
 import subprocess
 import sys
-import tempfile
 import time
 from collections.abc import Iterator
-from pathlib import Path
 
 import numpy as np
 
-from navgrade import NavState, navigate, solve, write_increments
+from navgrade import NavState, navigate, solve
 from navgrade.imu import ImuSamples
 from tests.navgrade.engine import samples, state_at
 from tests.oracles.truth import turning_vehicle
@@ -136,60 +134,3 @@ def startup() -> list[str]:
         f"second process, import to solution {statistics.median(firsts[1:]):.3f} s  "
         "(wanted: under 1)",
     ]
-
-
-def memory() -> list[str]:
-    """Peak memory of `navgrade run` on a log and on one ten times longer."""
-    lines = []
-    peaks = []
-    with tempfile.TemporaryDirectory() as folder:
-        for count in (100_000, 1_000_000):
-            log, site, out = (Path(folder) / name for name in ("log.mcap", "site.toml", "out.mcap"))
-            _still_log(log, count)
-            site.write_text(_SITE)
-            code = (
-                "import sys; from navgrade.cli import main\n"
-                "try: main(sys.argv[1:])\n"
-                "except SystemExit as end: assert not end.code\n"
-                "status = open('/proc/self/status').read()\n"
-                "print(status.split('VmHWM:')[1].split()[0])"
-            )
-            command = ["run", str(log), "-c", str(site), "-o", str(out), "--overwrite"]
-            began = time.perf_counter()
-            done = subprocess.run(
-                [sys.executable, "-c", code, *command], check=True, capture_output=True, text=True
-            )
-            seconds = time.perf_counter() - began
-            peaks.append(int(done.stdout.split()[-1]) / 1024)
-            lines.append(
-                f"navgrade run, {count:>9,} samples: {seconds:6.2f} s, peak {peaks[-1]:.0f} MB"
-            )
-    lines.append(f"ten times longer costs {peaks[1] - peaks[0]:+.0f} MB  (wanted: no more)")
-    return lines
-
-
-_SITE = """
-[imu]
-axes = "FRD"
-[initial]
-time_ns = 0
-latitude = 30.0
-longitude = 114.0
-height_m = 35.0
-roll_deg = 0.0
-pitch_deg = 0.0
-heading_deg = 0.0
-"""
-
-
-def _still_log(path: Path, count: int) -> None:
-    dt = 0.005
-    noise = np.random.default_rng(1).standard_normal((2, count, 3)) * 1e-6
-    imu = ImuSamples(
-        t=np.arange(1, count + 1) * dt,
-        dt=np.full(count, dt),
-        gyro=noise[0],
-        accel=noise[1] + np.array([0.0, 0.0, -9.79 * dt]),
-        kind="increment",
-    )
-    write_increments(path, imu, overwrite=True)

@@ -5,8 +5,9 @@ Names are loaded on first use, so that ``navgrade --help`` does not wait for a c
 
 from __future__ import annotations
 
-from importlib import import_module
 from typing import TYPE_CHECKING, Any
+
+from earth._lazy import lazy
 
 if TYPE_CHECKING:
     from earth.errors import NavgradeError
@@ -47,14 +48,15 @@ __all__ = [
 ]
 
 
+_load = lazy(__name__, _HOMES)
+
+
 def __getattr__(name: str) -> Any:
     if name == "__version__":
         from importlib.metadata import version
 
         return version("navgrade")
-    if name in _HOMES:
-        return getattr(import_module(_HOMES[name]), name)
-    raise AttributeError(f"module 'navgrade' has no attribute {name!r}")
+    return _load(name)
 
 
 def __dir__() -> list[str]:

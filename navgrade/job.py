@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
@@ -24,10 +24,12 @@ from navgrade.errors import ConfigError, GapError, LogError, StateTimeError
 from navgrade.gaps import Gap
 from navgrade.imu import ImuSamples, Status, concatenate
 from navgrade.logs import (
+    POSE_RATE,
     PROVENANCE,
     ImuLog,
     Issue,
     SolutionWriter,
+    TopicCopy,
     check_output,
     open_imu,
     read_heights,
@@ -279,6 +281,9 @@ def run(
     choices: Choices | None = None,
     *,
     rate_hz: float | None = None,
+    pose_rate_hz: float = POSE_RATE,
+    location_fix: bool = False,
+    copy_topics: Sequence[str] = (),
     overwrite: bool = False,
     progress: Progress | None = None,
     aligned: Callable[[AlignedWindow], None] | None = None,
@@ -295,6 +300,12 @@ def run(
     choices : Choices, optional
     rate_hz : float, optional
         Output rate; every sample by default.
+    pose_rate_hz : float
+        Of odometry and transforms, at most; 0 leaves them out.
+    location_fix : bool
+        Write fixes in Foxglove's own message, too.
+    copy_topics : sequence of str
+        Topics of the log that are carried over.
     overwrite : bool
     progress : callable, optional
         Called with bytes of the log read.
@@ -317,9 +328,12 @@ def run(
     disturbance = _disturbance(site)
     if rate_hz is not None and not (np.isfinite(rate_hz) and rate_hz > 0.0):
         raise ConfigError(f"the output rate must be positive, got {rate_hz!r} Hz")
+    if not (np.isfinite(pose_rate_hz) and pose_rate_hz >= 0.0):
+        raise ConfigError(f"the pose rate must be positive, or 0 for none, got {pose_rate_hz!r} Hz")
     if output.exists() and isinstance(log.path, Path) and output.samefile(log.path):
         raise ConfigError(f"the output {output} is the input log")
     check_output(output, overwrite=overwrite)
+    copy = TopicCopy(log.path, copy_topics, strict=choices.strict) if copy_topics else None
     alignment = None
     if site.initial is not None:
         state = _initial_state(log, site.initial)
@@ -333,7 +347,14 @@ def run(
     aid = None
     if vertical == "baro":
         aid = _baro_loop(log, site, state, of_heights, strict=choices.strict)
-    with SolutionWriter(output, overwrite=overwrite, rate_hz=rate_hz) as out:
+    with SolutionWriter(
+        output,
+        overwrite=overwrite,
+        rate_hz=rate_hz,
+        pose_rate_hz=pose_rate_hz,
+        location_fix=location_fix,
+        copy=copy,
+    ) as out:
         try:
             for nav in solve(
                 log.blocks(progress),
@@ -362,8 +383,8 @@ def run(
         summary.issues = [f"{issue.text} (byte {issue.offset})" for issue in issues]
         summary.notes = [note for note in log.notes if note not in known]
         end_ns = nav.epoch_ns + round(float(nav.t[-1]) * 1e9)
-        out.attach(Path(site.file).name, "application/toml", site.text, end_ns)
-        out.metadata(PROVENANCE, _provenance(summary, site, aid))
+        out.file.add_attachment(Path(site.file).name, "application/toml", site.text, end_ns)
+        out.file.add_metadata(PROVENANCE, _provenance(summary, site, aid))
     summary.seconds = time.perf_counter() - began
     return summary
 

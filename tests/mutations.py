@@ -36,6 +36,10 @@ CONES = "tests/navgrade/test_coning.py"
 STRETCHES = "tests/navgrade/test_stretches.py"
 CHANNEL = "tests/navgrade/test_vertical_loop.py"
 FIELD = "tests/navgrade/test_gravity_choice.py"
+IMU_ENTRIES = "navgrade/logs/schemas/imu.py"
+SCHEMAS = "tests/navgrade/logs/test_schemas.py"
+TIMES = "tests/navgrade/logs/test_times.py"
+AIDING = "tests/navgrade/logs/test_aiding.py"
 
 
 @dataclass(frozen=True)
@@ -378,6 +382,125 @@ MUTATIONS = (
         "v = quat_rotate(rotvec_to_quat((dtheta[k, 0], dtheta[k, 1], dtheta[k, 2])), v)",
         "v = (v[0], v[1], v[2])",
         (BODY,),
+    ),
+    Mutation(
+        "log: NovAtel's rates in the order roll, pitch",
+        IMU_ENTRIES,
+        """    name="novatel_oem7_msgs/msg/CORRIMU",
+    source="NovAtel OEM7",
+    gyro=("pitch_rate", "roll_rate", "yaw_rate"),""",
+        """    name="novatel_oem7_msgs/msg/CORRIMU",
+    source="NovAtel OEM7",
+    gyro=("roll_rate", "pitch_rate", "yaw_rate"),""",
+        (f"{SCHEMAS}::test_pitch_comes_before_roll[novatel]",),
+    ),
+    Mutation(
+        "log: milliseconds of the week taken for seconds",
+        IMU_ENTRIES,
+        """"ms"),
+    count=""",
+        """"s"),
+    count=""",
+        (f"{SCHEMAS}::test_the_stamps_of_a_driver_are_not_those_of_the_receiver",),
+    ),
+    Mutation(
+        "log: VectorNav in radians",
+        IMU_ENTRIES,
+        """    gyro_unit="deg/s",
+    clock=boot_time("timestartup", "ns"),""",
+        """    clock=boot_time("timestartup", "ns"),""",
+        (f"{SCHEMAS}::test_delta_theta_is_in_degrees_unless_said_otherwise",),
+    ),
+    Mutation(
+        "log: SBG's deltas taken for increments",
+        IMU_ENTRIES,
+        "    rates=True,",
+        "    rates=False,",
+        (f"{SCHEMAS}::test_deltas_that_are_rates_are_multiplied_by_their_interval",),
+    ),
+    Mutation(
+        "log: any rate is believed",
+        "navgrade/logs/imu_log.py",
+        "_SAME = 0.1 ",
+        "_SAME = 10.0 ",
+        (f"{SCHEMAS}::test_a_rate_off_by_two_is_refused",),
+    ),
+    Mutation(
+        "log: a device's clock taken for Unix time",
+        "navgrade/logs/imu_log.py",
+        "if not clock.unix:",
+        "if False:",
+        (f"{SCHEMAS}::test_a_clock_that_does_not_count_from_1970_is_tied_to_log_time",),
+    ),
+    Mutation(
+        "log: the velocity of a longer interval left as it is",
+        "navgrade/logs/feed.py",
+        "(angle[differs] / velocity[differs])",
+        "(velocity[differs] / velocity[differs])",
+        (f"{SCHEMAS}::test_two_intervals_that_differ_are_made_one",),
+    ),
+    Mutation(
+        "log: quaternion with its scalar first",
+        "navgrade/logs/feed.py",
+        "gyro[:, [3, 0, 1, 2]]",
+        "gyro",
+        (f"{SCHEMAS}::test_a_delta_quaternion_is_a_rotation_not_three_angles",),
+    ),
+    Mutation(
+        "log: a counter turns once at most",
+        "navgrade/logs/times.py",
+        "self._period).astype(np.int64)",
+        "self._period).clip(0, 1).astype(np.int64)",
+        (f"{SCHEMAS}::test_a_counter_that_starts_again_is_unwrapped",),
+    ),
+    Mutation(
+        "log: topics joined by their order",
+        "navgrade/logs/times.py",
+        "first, second = first[at_first], second[at_second]",
+        "first, second = first[: len(at_first)], second[: len(at_first)]",
+        (f"{SCHEMAS}::test_messages_of_two_topics_meet_by_their_stamps",),
+    ),
+    Mutation(
+        "log: nothing waits for late messages",
+        "navgrade/logs/times.py",
+        "self._release(self._newest - REORDER_NS)",
+        "self._release(self._newest - 5_000_000)",
+        (f"{TIMES}::test_late_messages_find_their_place",),
+    ),
+    Mutation(
+        "log: two clocks put between each other",
+        "navgrade/logs/imu_log.py",
+        "_CLOSE = 0.75 ",
+        "_CLOSE = 0.0 ",
+        (f"{TIMES}::test_a_clock_that_was_set_back_is_not_mended",),
+    ),
+    Mutation(
+        "log: one stamp with two values",
+        "navgrade/logs/times.py",
+        "if differs.any():",
+        "if differs.all():",
+        (f"{TIMES}::test_one_stamp_with_two_values_is_refused",),
+    ),
+    Mutation(
+        "log: INSPVAX's height taken for ellipsoidal",
+        "navgrade/logs/aiding.py",
+        "h = h_msl + fields[schema.undulation]",
+        "h = h_msl",
+        (f"{AIDING}::test_inspva_and_inspvax_mean_different_heights",),
+    ),
+    Mutation(
+        "log: covariance along north, east, up",
+        "navgrade/logs/aiding.py",
+        "_sigmas(values, (4, 0, 8), kind != 0)",
+        "_sigmas(values, (0, 4, 8), kind != 0)",
+        (f"{AIDING}::test_nav_sat_fix",),
+    ),
+    Mutation(
+        "log: velocity up taken for down",
+        "navgrade/logs/schemas/aiding.py",
+        '("up_velocity", -1.0)',
+        '("up_velocity", 1.0)',
+        (f"{AIDING}::test_inspva_and_inspvax_mean_different_heights",),
     ),
 )
 

@@ -5,12 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 
 import click
-from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
 
 from earth.gravity import GRAVITY_MODELS
 from navgrade.cli.options import log_argument, source_options
-from navgrade.cli.show import console, show_alignment, show_source, show_summary
+from navgrade.cli.show import progress_bar, show_alignment, show_source, show_summary
 from navgrade.job import Choices, open_log, run
+from navgrade.logs import POSE_RATE
 from navgrade.mechanization import MECHANIZATIONS, VERTICAL
 from navgrade.reconstruction import CAUSAL, DEFAULT, RECONSTRUCTIONS
 from navgrade.site import read_site
@@ -33,6 +33,20 @@ from navgrade.site import read_site
 @click.option("--vertical", help=f"{', '.join(VERTICAL)} (heights: [baro] in SITE.toml).")
 @click.option("--gravity", help=f"{', '.join(GRAVITY_MODELS)}.")
 @click.option("--output-rate", type=float, metavar="HZ", help="Default: every sample.")
+@click.option(
+    "--pose-rate",
+    type=float,
+    default=POSE_RATE,
+    metavar="HZ",
+    help=f"Of odometry and transforms for 3D views, at most; 0: none. Default: {POSE_RATE:g}.",
+)
+@click.option("--location-fix", is_flag=True, help="Write fixes in Foxglove's message, too.")
+@click.option(
+    "--copy-topics",
+    multiple=True,
+    metavar="TOPIC",
+    help="Carry a topic of LOG over unchanged; may be given several times.",
+)
 @click.option("--bridge-gaps", is_flag=True, help="Interpolate across gaps instead of stopping.")
 @click.option("--overwrite", is_flag=True, help="Replace OUT.mcap.")
 def command(
@@ -49,6 +63,9 @@ def command(
     vertical: str | None,
     gravity: str | None,
     output_rate: float | None,
+    pose_rate: float,
+    location_fix: bool,
+    copy_topics: tuple[str, ...],
     bridge_gaps: bool,
     overwrite: bool,
 ) -> None:
@@ -71,25 +88,18 @@ def command(
     )
     source = open_log(log, site, choices)
     show_source(source, axes_given=bool(axes or site.axes))
-    bar = Progress(
-        TextColumn("navigating"),
-        BarColumn(),
-        TextColumn("{task.percentage:3.0f} %"),
-        TimeRemainingColumn(),
-        console=console,
-        transient=True,
-        disable=not console.is_terminal,
-    )
-    with bar:
-        task = bar.add_task("", total=log.stat().st_size)
+    with progress_bar("navigating", log) as progress:
         summary = run(
             source,
             site,
             output,
             choices,
             rate_hz=output_rate,
+            pose_rate_hz=pose_rate,
+            location_fix=location_fix,
+            copy_topics=copy_topics,
             overwrite=overwrite,
-            progress=lambda done: bar.update(task, completed=done),
+            progress=progress,
             aligned=show_alignment,
         )
     show_summary(summary)

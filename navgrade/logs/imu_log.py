@@ -84,8 +84,8 @@ class ImuLog:
     rate_hz: float | None = None
     accel_topic: str | None = None
     issues: list[Issue] = field(default_factory=list)
-    _reading: _Reading | None = None
-    _start: tuple[int, int] | None = None
+    _reading: _Reading | None = field(default=None, init=False, repr=False)
+    _start: tuple[int, int] | None = field(default=None, init=False, repr=False)
 
     @property
     def epoch_ns(self) -> int:

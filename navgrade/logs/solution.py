@@ -2,130 +2,86 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Mapping
-from contextlib import suppress
+from contextlib import ExitStack
+from functools import partial
 from pathlib import Path
 from types import TracebackType
 from typing import Self
 
 import numpy as np
-from mcap.writer import CompressionType, Writer
 from numpy.typing import NDArray
 
+from earth.frames import NED_TO_ENU
+from earth.rotation import euler_from_quat
 from earth.units import DEG
-from navgrade.errors import ConfigError
 from navgrade.imu import ImuSamples
-from navgrade.logs.container.cdr import parse_ros2msg, record_template
-from navgrade.logs.messages import IMU_INCREMENT, NAV_SAT_FIX, NAV_SOLUTION, Schema
+from navgrade.logs.container.definitions import parse_definition
+from navgrade.logs.container.layout import record_template
+from navgrade.logs.container.writer import Batch, McapWriter
+from navgrade.logs.copying import FOREVER, OWN, TopicCopy
+from navgrade.logs.messages import (
+    IMU_INCREMENT,
+    LOCATION_FIX,
+    NAV_SAT_FIX,
+    NAV_SOLUTION,
+    ODOMETRY,
+    TF_MESSAGE,
+    Schema,
+)
+from navgrade.logs.poses import LocalMap, Poses
+from navgrade.logs.thinning import Thinning
+from navgrade.logs.topics import AXES_KEY, KIND_KEY
 from navgrade.state import Trajectory
 
-SOLUTION_TOPIC = "/navgrade/solution"
-FIX_TOPIC = "/navgrade/fix"
+SOLUTION_TOPIC = OWN + "solution"
+FIX_TOPIC = OWN + "fix"
+LOCATION_TOPIC = OWN + "location"
+ODOMETRY_TOPIC = OWN + "odometry"
+TF_TOPIC = "/tf"
 PROVENANCE = "navgrade.provenance"
 FIX_RATE = 10.0  # Hz, at most
+POSE_RATE = 10.0  # Hz, at most, unless said
+_MAP, _BODY = "map", "base_link"  # names of REP-105
+
+_BLOCK = 65_536  # rows turned into messages at a time
+
+Array = NDArray[np.float64]
+Rows = slice | NDArray[np.intp]
+Columns = Mapping[str, NDArray[np.generic]]
 
 
-class Decimator:
-    """Keeps the first row of each period, and the very first of all."""
+class _Topic:
+    """A topic being written; all its messages have one size."""
 
-    def __init__(self, rate_hz: float | None) -> None:
-        self._rate = rate_hz
-        self._period: int | None = None
+    def __init__(
+        self,
+        out: McapWriter,
+        topic: str,
+        schema: Schema,
+        texts: Mapping[str, str],
+        *,
+        stamp: str = "header.stamp",
+        counts: Mapping[str, int] | None = None,
+        metadata: Mapping[str, str] | None = None,
+    ) -> None:
+        self._channel = out.add_channel(topic, schema, metadata=metadata)
+        self._stamp = stamp
+        members = parse_definition(schema.name, schema.text)
+        self._dtype, self._template = record_template(members, texts, counts)
 
-    def rows(self, t: NDArray[np.float64]) -> NDArray[np.intp]:
-        """Indices of the rows of `t` (s) to keep."""
-        if self._rate is None or not len(t):
-            return np.arange(len(t))
-        # a thousandth of a period: stamps meant to fall on its start may fall short of it
-        period = np.floor(t * self._rate + 1e-3).astype(np.int64)
-        before = period[:1] - 1 if self._period is None else np.array([self._period])
-        keep = np.diff(period, prepend=before) > 0
-        self._period = int(period[-1])
-        return np.flatnonzero(keep)
-
-
-class _Channel:
-    """One topic being written; `put` takes whole columns."""
-
-    def __init__(self, writer: Writer, topic: str, schema: Schema, frame_id: str) -> None:
-        self._writer = writer
-        number = writer.register_schema(schema.name, "ros2msg", schema.text.encode())
-        self._id = writer.register_channel(topic, "cdr", number)
-        fields = parse_ros2msg(schema.name, schema.text)
-        self._dtype, self._template = record_template(fields, {"header.frame_id": frame_id})
-        self._sequence = 0
-
-    def put(self, stamp_ns: NDArray[np.int64], columns: Mapping[str, NDArray[np.generic]]) -> None:
+    def batch(self, stamp_ns: NDArray[np.int64], columns: Columns) -> Batch:
+        """Messages of these instants with these members; all others are zero."""
         records = np.repeat(self._template, len(stamp_ns))
         seconds, nanoseconds = np.divmod(stamp_ns, 1_000_000_000)
-        records["header.stamp.sec"] = seconds
-        records["header.stamp.nanosec"] = nanoseconds
+        records[f"{self._stamp}.sec"], records[f"{self._stamp}.nanosec"] = seconds, nanoseconds
         for path, values in columns.items():
             records[path] = values
-        data = records.tobytes()
-        size = self._dtype.itemsize
-        for k, stamp in enumerate(stamp_ns.tolist()):
-            self._writer.add_message(
-                self._id, stamp, data[k * size : (k + 1) * size], stamp, self._sequence
-            )
-            self._sequence += 1
+        data = records.view(np.uint8).reshape(-1, self._dtype.itemsize)
+        return Batch(self._channel, stamp_ns, data)
 
 
-def check_output(path: Path, *, overwrite: bool) -> None:
-    """Raise ConfigError unless a file may appear at `path`."""
-    if path.is_dir():
-        raise ConfigError(f"the output {path} is a folder")
-    if path.exists() and not overwrite:
-        raise ConfigError(f"{path} exists; choose another name or pass --overwrite")
-    if not path.parent.is_dir():
-        raise ConfigError(f"the folder {path.parent} of the output does not exist")
-
-
-class _McapOutput:
-    """An MCAP file that appears under its name only when it is complete."""
-
-    def __init__(self, path: str | Path, *, overwrite: bool) -> None:
-        self.path = Path(path)
-        check_output(self.path, overwrite=overwrite)
-        self._part = self.path.with_name(self.path.name + ".part")
-        self._stream = self._part.open("wb")
-        self._writer = Writer(
-            self._stream, compression=CompressionType.ZSTD, enable_crcs=True, enable_data_crcs=True
-        )
-        self._writer.start(profile="ros2", library="navgrade")
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
-        try:
-            if kind is None:
-                self._writer.finish()
-                self._stream.flush()
-                os.fsync(self._stream.fileno())
-                self._stream.close()
-                self._part.replace(self.path)
-        finally:  # the part is gone unless it became the output
-            with suppress(OSError):
-                self._stream.close()
-            self._part.unlink(missing_ok=True)
-
-    def metadata(self, name: str, values: Mapping[str, str]) -> None:
-        """Add a metadata record."""
-        self._writer.add_metadata(name, dict(values))
-
-    def attach(self, name: str, media_type: str, data: bytes, time_ns: int) -> None:
-        """Add an attachment."""
-        self._writer.add_attachment(time_ns, time_ns, name, media_type, data)
-
-
-class SolutionWriter(_McapOutput):
+class SolutionWriter:
     """Writes a solution block by block.
 
     Used as a context manager: the file is written to ``PATH.part`` and renamed when the block
@@ -137,6 +93,17 @@ class SolutionWriter(_McapOutput):
     overwrite : bool
     rate_hz : float, optional
         Output rate of the solution; every sample by default.
+    pose_rate_hz : float
+        Of odometry and transforms, at most; 0 leaves them out.
+    location_fix : bool
+        Write fixes in Foxglove's own message, too: it has heading and velocity.
+    copy : TopicCopy, optional
+        Topics of a log to carry over.
+
+    Attributes
+    ----------
+    file : McapWriter
+        Takes metadata and attachments.
 
     Raises
     ------
@@ -145,53 +112,162 @@ class SolutionWriter(_McapOutput):
     """
 
     def __init__(
-        self, path: str | Path, *, overwrite: bool = False, rate_hz: float | None = None
+        self,
+        path: str | Path,
+        *,
+        overwrite: bool = False,
+        rate_hz: float | None = None,
+        pose_rate_hz: float = POSE_RATE,
+        location_fix: bool = False,
+        copy: TopicCopy | None = None,
     ) -> None:
-        super().__init__(path, overwrite=overwrite)
-        self._solution = _Channel(self._writer, SOLUTION_TOPIC, NAV_SOLUTION, "ned")
-        self._fix = _Channel(self._writer, FIX_TOPIC, NAV_SAT_FIX, "imu")
-        self._every = Decimator(rate_hz)
-        self._fixes = Decimator(FIX_RATE)
+        self.file = McapWriter(path, overwrite=overwrite)
+        self._every = None if rate_hz is None else Thinning(rate_hz)
+        self._fixes = Thinning(FIX_RATE)
+        self._map = LocalMap(pose_rate_hz) if pose_rate_hz > 0.0 else None
+        self._copy = copy
+        add = partial(_Topic, self.file)
+        self._solution = add(SOLUTION_TOPIC, NAV_SOLUTION, {"header.frame_id": "ned"})
+        self._fix = add(FIX_TOPIC, NAV_SAT_FIX, {"header.frame_id": "imu"})
+        if self._map is not None:
+            frames = {"header.frame_id": _MAP, "child_frame_id": _BODY}
+            self._odometry = add(ODOMETRY_TOPIC, ODOMETRY, frames)
+            self._transform = add(
+                TF_TOPIC,
+                TF_MESSAGE,
+                {f"transforms.0.{path}": name for path, name in frames.items()},
+                stamp="transforms.0.header.stamp",
+                counts={"transforms": 1},
+            )
+        self._location = None
+        if location_fix:
+            named = {"frame_id": _BODY}
+            self._location = add(LOCATION_TOPIC, LOCATION_FIX, named, stamp="timestamp")
+        self._stack = ExitStack()
+        self._stack.enter_context(self.file)
+        if copy is not None:
+            self._stack.callback(copy.close)
+        self._stack.push(self._finish)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._stack.__exit__(kind, error, trace)
 
     def write(self, nav: Trajectory) -> None:
         """Append a block."""
         stamp_ns = nav.epoch_ns + np.rint(nav.t * 1e9).astype(np.int64)
-        rows = self._every.rows(nav.t)
-        lat_deg, lon_deg = nav.lat / DEG, _within_180(nav.lon / DEG)
-        roll, pitch, heading = (nav.euler[rows] / DEG).T
-        self._solution.put(
-            stamp_ns[rows],
-            {
-                "latitude_deg": lat_deg[rows],
-                "longitude_deg": lon_deg[rows],
-                "height_m": nav.h[rows],
-                "v_north_m_s": nav.v_eb_n[rows, 0],
-                "v_east_m_s": nav.v_eb_n[rows, 1],
-                "v_down_m_s": nav.v_eb_n[rows, 2],
-                "roll_deg": roll,
-                "pitch_deg": pitch,
-                "heading_deg": np.where(heading < 0.0, heading + 360.0, heading) % 360.0,
-                "orientation.w": nav.q_nb[rows, 0],
-                "orientation.x": nav.q_nb[rows, 1],
-                "orientation.y": nav.q_nb[rows, 2],
-                "orientation.z": nav.q_nb[rows, 3],
-                "status": nav.status[rows],
-            },
-        )
-        rows = self._fixes.rows(nav.t)
-        self._fix.put(
-            stamp_ns[rows],
-            {"latitude": lat_deg[rows], "longitude": lon_deg[rows], "altitude": nav.h[rows]},
-        )
+        rows = slice(None) if self._every is None else self._every.rows(nav.t)
+        fixes = self._fixes.rows(nav.t)
+        batches = [
+            self._solution.batch(stamp_ns[rows], _solution_columns(nav, rows)),
+            self._fix.batch(stamp_ns[fixes], _fix_columns(nav, fixes)),
+        ]
+        if self._location is not None:
+            columns = {**_fix_columns(nav, fixes), **_motion_columns(nav, fixes)}
+            batches.append(self._location.batch(stamp_ns[fixes], columns))
+        if self._map is not None:
+            poses = self._map.poses(nav)
+            at_ns = stamp_ns[poses.rows]
+            batches.append(self._odometry.batch(at_ns, _odometry_columns(poses)))
+            batches.append(self._transform.batch(at_ns, _transform_columns(poses)))
+        self._append(batches, int(stamp_ns[-1]))
+
+    def _append(self, own: list[Batch], end_ns: int) -> None:
+        """Write batches of the solution, which end at `end_ns`, among what is copied until then."""
+        if self._copy is not None:
+            for copied in self._copy.until(end_ns, self.file):
+                last_ns = max(batch.log_time_ns.max() for batch in copied)
+                due = [np.searchsorted(b.log_time_ns, last_ns, side="right") for b in own]
+                self.file.write(*(b[:k] for b, k in zip(own, due, strict=True)), *copied)
+                own = [b[k:] for b, k in zip(own, due, strict=True)]
+        self.file.write(*own)
+
+    def _finish(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        if kind is None:
+            self._append([], FOREVER)
 
 
-def _within_180(degrees: NDArray[np.float64]) -> NDArray[np.float64]:
-    wrapped = degrees - 360.0 * np.rint(degrees / 360.0)
-    return np.asarray(wrapped)
+def _degrees(nav: Trajectory, rows: Rows) -> tuple[Array, Array]:
+    """Latitude, and longitude within ±180."""
+    lon_deg = nav.lon[rows] / DEG
+    return nav.lat[rows] / DEG, lon_deg - 360.0 * np.rint(lon_deg / 360.0)
+
+
+def _solution_columns(nav: Trajectory, rows: Rows) -> Columns:
+    lat_deg, lon_deg = _degrees(nav, rows)
+    v_eb_n, q_nb = nav.v_eb_n[rows], nav.q_nb[rows]
+    roll, pitch, heading = (euler_from_quat(q_nb) / DEG).T
+    return {
+        "latitude_deg": lat_deg,
+        "longitude_deg": lon_deg,
+        "height_m": nav.h[rows],
+        "v_north_m_s": v_eb_n[:, 0],
+        "v_east_m_s": v_eb_n[:, 1],
+        "v_down_m_s": v_eb_n[:, 2],
+        "roll_deg": roll,
+        "pitch_deg": pitch,
+        "heading_deg": np.where(heading < 0.0, heading + 360.0, heading) % 360.0,
+        **_quaternion("orientation", q_nb),
+        "status": nav.status[rows],
+    }
+
+
+def _fix_columns(nav: Trajectory, rows: Rows) -> Columns:
+    lat_deg, lon_deg = _degrees(nav, rows)
+    return {"latitude": lat_deg, "longitude": lon_deg, "altitude": nav.h[rows]}
+
+
+def _motion_columns(nav: Trajectory, rows: Rows) -> Columns:
+    """What Foxglove's fix has besides: heading clockwise from north, velocity east, north, up."""
+    heading = euler_from_quat(nav.q_nb[rows])[:, 2] % (2.0 * np.pi)
+    velocity = nav.v_eb_n[rows] @ NED_TO_ENU.T
+    return {
+        "heading": heading,
+        "heading_variance": np.full(len(heading), np.nan),
+        **{f"velocity_{axis}": velocity[:, i] for i, axis in enumerate("xyz")},
+    }
+
+
+def _odometry_columns(poses: Poses) -> Columns:
+    return {
+        **_vector("pose.pose.position", poses.position),
+        **_quaternion("pose.pose.orientation", poses.orientation),
+        **_vector("twist.twist.linear", poses.velocity),
+        **_vector("twist.twist.angular", poses.rate),
+    }
+
+
+def _transform_columns(poses: Poses) -> Columns:
+    return {
+        **_vector("transforms.0.transform.translation", poses.position),
+        **_quaternion("transforms.0.transform.rotation", poses.orientation),
+    }
+
+
+def _vector(path: str, values: Array) -> Columns:
+    return {f"{path}.{axis}": values[:, i] for i, axis in enumerate("xyz")}
+
+
+def _quaternion(path: str, q: Array) -> Columns:
+    return {f"{path}.{axis}": q[:, i] for i, axis in enumerate("wxyz")}
 
 
 def write_solution(path: str | Path, nav: Trajectory, *, overwrite: bool = False) -> None:
-    """Write a trajectory as MCAP: ``/navgrade/solution`` and ``/navgrade/fix``.
+    """Write a trajectory as MCAP.
+
+    The topics are ``/navgrade/solution``, ``/navgrade/fix``, ``/navgrade/odometry`` and ``/tf``.
 
     Parameters
     ----------
@@ -205,7 +281,8 @@ def write_solution(path: str | Path, nav: Trajectory, *, overwrite: bool = False
         If `path` exists and must not be overwritten.
     """
     with SolutionWriter(path, overwrite=overwrite) as out:
-        out.write(nav)
+        for start in range(0, len(nav), _BLOCK):
+            out.write(nav[start : start + _BLOCK])
 
 
 def write_increments(
@@ -235,10 +312,14 @@ def write_increments(
     """
     if not imu.is_integrated:
         raise ValueError(f"ImuIncrement holds increments, not kind {imu.kind!r}")
-    with _McapOutput(path, overwrite=overwrite) as out:
-        channel = _Channel(out._writer, topic, IMU_INCREMENT, frame_id)
-        columns = {"interval_s": imu.dt}
-        for i, axis in enumerate("xyz"):
-            columns[f"delta_angle.{axis}"] = imu.gyro[:, i]
-            columns[f"delta_velocity.{axis}"] = imu.accel[:, i]
-        channel.put(imu.epoch_ns + np.rint(imu.t * 1e9).astype(np.int64), columns)
+    told = {KIND_KEY: imu.kind, AXES_KEY: "FRD"}
+    with McapWriter(path, overwrite=overwrite) as out:
+        increments = _Topic(out, topic, IMU_INCREMENT, {"header.frame_id": frame_id}, metadata=told)
+        for block in imu.blocks(_BLOCK):
+            columns = {
+                "interval_s": block.dt,
+                **_vector("delta_angle", block.gyro),
+                **_vector("delta_velocity", block.accel),
+            }
+            stamp_ns = block.epoch_ns + np.rint(block.t * 1e9).astype(np.int64)
+            out.write(increments.batch(stamp_ns, columns))

@@ -54,9 +54,9 @@ class ImuTopic(NamedTuple):
 
 
 def open_known(path: str | Path, progress: Callable[[int], None] | None = None) -> McapFile:
-    """Open a log and know its topics; without a summary it is read for that."""
+    """Open a log and know its topics; where the summary does not list them, it is read."""
     file = McapFile(path)
-    if file.summary is None:
+    if not file.channels:
         for _ in file.messages(lambda channel: False, progress=progress):
             pass
     return file

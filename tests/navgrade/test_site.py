@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from navgrade.errors import ConfigError
+from navgrade.logs import ImuFields
 from navgrade.site import BaroSettings, Site, parse_time_ns, read_site
 from navgrade.vertical import CLASSICAL_GAINS, DEFAULT_GAINS, gains_from_time_constant
 
@@ -22,6 +23,16 @@ axes = "RFU"
 gyro_unit = "deg/s"
 accel_unit = "g"
 dv_frame = "end"
+accel_topic = "/dv"
+rate_hz = 200
+[imu.fields]
+gyro = "imu.w"
+accel = ["imu.ax", "imu.ay", "imu.az"]
+time = "t_us"
+time_unit = "us"
+clock = "device"
+interval = "dt"
+interval_unit = "ms"
 [imu.errors]
 gyro_bias_deg_h = 0.01
 accel_bias_ug = 50.0
@@ -97,6 +108,9 @@ def test_every_key_is_read_in_its_unit(tmp_path: Path) -> None:
     assert (found.topic, found.kind, found.axes) == ("/imu/data_raw", "average", "RFU")
     assert (found.gyro_unit, found.accel_unit) == ("deg/s", "g")
     assert found.dv_frame == "end"
+    assert (found.accel_topic, found.rate_hz) == ("/dv", 200.0)
+    accel = ("imu.ax", "imu.ay", "imu.az")
+    assert found.fields == ImuFields("imu.w", accel, "t_us", "us", "device", "dt", "ms")
     assert (found.reconstruction, found.frame, found.vertical) == ("causal-3", "n", "free")
     assert found.gravity == "somigliana"
     assert found.disturbance == tmp_path / "maps" / "disturbance.csv"
@@ -128,7 +142,7 @@ def test_what_is_not_said_stays_open(tmp_path: Path) -> None:
     found = site(tmp_path, "")
     for name in ("topic", "kind", "axes", "gyro_unit", "accel_unit", "place", "window", "initial"):
         assert getattr(found, name) is None
-    for name in ("dv_frame", "gravity", "disturbance", "baro"):
+    for name in ("dv_frame", "gravity", "disturbance", "baro", "accel_topic", "rate_hz", "fields"):
         assert getattr(found, name) is None
     for name in ("gyro_bias", "accel_bias", "arw", "vrw"):
         assert getattr(found.errors, name) is None
@@ -259,6 +273,10 @@ def test_times_may_be_toml_or_nanoseconds(tmp_path: Path, value: str, time_ns: i
         (FULL, "kind", "Kind", "imu.Kind", "kind"),
         (FULL, "axes", "axis", "imu.axis", "axes"),
         (FULL, "[imu.errors]", "[imu.error]", "imu.error", "errors"),
+        (FULL, "[imu.fields]", "[imu.field]", "imu.field", "fields"),
+        (FULL, "rate_hz", "rate", "imu.rate", "rate_hz"),
+        (FULL, "time_unit", "unit", "imu.fields.unit", "time_unit"),
+        (FULL, 'clock = "dev', 'clocks = "dev', "imu.fields.clocks", "clock"),
         (FULL, "gyro_bias_deg_h", "gyro_bias_deg_s", "imu.errors.gyro_bias_deg_s",
          "gyro_bias_deg_h"),
         (FULL, "accel_bias_ug", "accel_bias_mg", "imu.errors.accel_bias_mg", "accel_bias_ug"),
@@ -318,6 +336,15 @@ WRONG = [  # text, old, new, key, facts
     (FULL, FULL[FULL.index("[site]") : FULL.index("[alignment]")], "", "site", "[site]"),
     (FULL, '"end"', '"middle"', "imu.dv_frame", "'middle' is not one of start, end"),
     (FULL, '"end"', "true", "imu.dv_frame", "must be text, got True"),
+    (FULL, "rate_hz = 200", "rate_hz = -200", "imu.rate_hz", "at least 0, got -200"),
+    (FULL, '"/dv"', "3", "imu.accel_topic", "must be text, got 3"),
+    (FULL, 'gyro = "imu.w"\n', "", "imu.fields.gyro", "the path of a vector, or of its x, y and z"),
+    (FULL, ', "imu.az"]', "]", "imu.fields.accel", "got ['imu.ax', 'imu.ay']"),
+    (FULL, '"t_us"', "1", "imu.fields.time", "must be text, got 1"),
+    (FULL, '"us"', '"min"', "imu.fields.time_unit", "'min' is not one of s, ms, us, ns"),
+    (FULL, '"ms"', '"Hz"', "imu.fields.interval_unit", "'Hz' is not one of s, ms, us, ns"),
+    (FULL, '"device"', '"gps"', "imu.fields.clock", "'gps' is not one of unix, device"),
+    (FULL, 'clock = "device"\n', "", "imu.fields.clock", "needs time_unit and clock"),
     (FULL, '"somigliana"', "9.81", "mechanization.gravity", "must be text, got 9.81"),
     (FULL, '"maps/disturbance.csv"', "1", "mechanization.disturbance", "must be text, got 1"),
     (FULL, '"/baro"', "3", "baro.topic", "must be text, got 3"),
@@ -374,9 +401,10 @@ def test_a_table_that_is_a_value_is_told(tmp_path: Path, table: str) -> None:
     assert f"{table} must be a table, [{table}]" in str(caught)
 
 
-def test_errors_that_are_a_value_are_told(tmp_path: Path) -> None:
-    caught = error(tmp_path, "[imu]\nerrors = 0.01\n")
-    assert caught.key == "imu.errors"
+@pytest.mark.parametrize("table", ["errors", "fields"])
+def test_tables_of_the_imu_that_are_a_value_are_told(tmp_path: Path, table: str) -> None:
+    caught = error(tmp_path, f"[imu]\n{table} = 0.01\n")
+    assert caught.key == f"imu.{table}"
 
 
 @pytest.mark.parametrize(

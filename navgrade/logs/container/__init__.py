@@ -3,5 +3,6 @@
 from navgrade.logs.container.definitions import Member
 from navgrade.logs.container.reader import Columns, McapFile, Messages
 from navgrade.logs.container.walk import Issue
+from navgrade.logs.container.writer import Batch, McapWriter
 
-__all__ = ["Columns", "Issue", "McapFile", "Member", "Messages"]
+__all__ = ["Batch", "Columns", "Issue", "McapFile", "McapWriter", "Member", "Messages"]

@@ -14,7 +14,6 @@ import zstandard
 from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
-from earth._jit import kernel
 from navgrade.logs.container.layout import Rows
 from navgrade.logs.container.source import Bytes
 
@@ -151,30 +150,12 @@ def _decompress(head: ChunkHead, packed: Bytes, out: memoryview, space: Workspac
         return done + len(stream.read(1))
 
 
-@kernel
-def _scan(records, at, starts):
-    """Place of each record's content, until the first that cannot be one; where it stopped."""
-    count = 0
-    size = len(records)
-    while at + 9 <= size and count < len(starts):
-        opcode = records[at]
-        if opcode == 0 or opcode == 1 or opcode == 2 or (opcode > 5 and opcode < 16):
-            break
-        length = np.uint64(0)
-        for k in range(8):
-            length |= np.uint64(records[at + 1 + k]) << np.uint64(8 * k)
-        if length > np.uint64(size - at - 9) or (opcode == 5 and length < 22):
-            break
-        starts[count] = at + 9
-        count += 1
-        at += 9 + int(length)
-    return count, at
-
-
 def whole_records(records: Bytes) -> int:
     """Bytes of the schemas, channels and messages that start the records and are whole."""
+    from navgrade.logs.container.scan import scan
+
     room = len(records) // RECORD.size + 1
-    return int(_scan(records, 0, np.empty(room, np.int64))[1])
+    return int(scan(records, 0, np.empty(room, np.int64))[1])
 
 
 @dataclass(frozen=True, eq=False)
@@ -236,19 +217,14 @@ class Located(NamedTuple):
     reached: int  # bytes understood
 
 
-def _word(records: Bytes, at: int, code: str) -> int:
-    dtype = np.dtype(code)
-    return int(records[at : at + dtype.itemsize].view(code)[0])
-
-
 def locate(records: Bytes, space: Workspace) -> Located:
     """Find the messages, by their equal distances where they have them, else one by one."""
     others: list[tuple[int, bytes]] = []
     at = 0
-    while len(records) - at >= RECORD.size and records[at] in (Opcode.SCHEMA, Opcode.CHANNEL):
+    while len(records) - at >= RECORD.size:
         opcode, length = RECORD.unpack_from(records.data, at)
         end = at + RECORD.size + length
-        if end > len(records):
+        if opcode not in (Opcode.SCHEMA, Opcode.CHANNEL) or end > len(records):
             break
         others.append((opcode, records[at + RECORD.size : end].tobytes()))
         at = end
@@ -259,32 +235,29 @@ def locate(records: Bytes, space: Workspace) -> Located:
 
 
 def _regular(records: Bytes, at: int) -> Group | None:
-    if len(records) - at < RECORD.size + HEAD or records[at] != Opcode.MESSAGE:
+    if len(records) - at < RECORD.size + HEAD:
         return None
-    length = _word(records, at + 1, "<u8")
+    opcode, length = RECORD.unpack_from(records.data, at)
     number, rest = divmod(len(records) - at, RECORD.size + length)
-    if rest or not number or length < HEAD:
+    if opcode != Opcode.MESSAGE or rest or length < HEAD:
         return None
     rows = Rows(records, at, RECORD.size + length, number, length)
-    channel = _word(records, at + RECORD.size, "<u2")
-    first = rows.view(0, "<u8")
-    if not (
-        (first == first[0]).all()
-        and (rows.view(8, "u1") == 0).all()
-        and (rows.view(RECORD.size, "<u2") == channel).all()
-    ):
+    first, last = rows.view(0, "<u8"), rows.view(3, "<u8")  # opcode, length, channel: 11 bytes
+    if not ((first == first[0]).all() and (last == last[0]).all()):
         return None
     starts = at + RECORD.size + rows.stride * np.arange(number, dtype=np.int64)
-    return Group(channel, records, starts, length)
+    return Group(int(last[0]) >> 48, records, starts, length)
 
 
 def _one_by_one(
     records: Bytes, at: int, others: list[tuple[int, bytes]], space: Workspace
 ) -> Located:
+    from navgrade.logs.container.scan import scan
+
     room = (len(records) - at) // RECORD.size + 1
     if len(space.starts) < room:
         space.starts = np.empty(room, np.int64)
-    count, reached = _scan(records, at, space.starts)
+    count, reached = scan(records, at, space.starts)
     starts = space.starts[:count].copy()
     lengths = np.diff(starts, append=reached + RECORD.size) - RECORD.size
     opcodes = records[starts - RECORD.size]

@@ -46,7 +46,8 @@ from navgrade.logs.container.summary import MAGIC, PARSE_ERRORS, read_summary, s
 from navgrade.logs.container.walk import Issue, Small, Stretch, Walk
 
 _FAST = {"cdr": "ros2msg", "ros1": "ros1msg"}  # message encoding: schema encoding
-_JOB_BYTES = 1 << 24  # uncompressed, of the stretches decoded as one piece of work
+_JOB_BYTES = 1 << 22  # uncompressed, of the stretches decoded as one piece of work
+_REMOTE_BYTES = 1 << 25  # the same of a remote file: a request costs more than a cache
 _NEAR = 1 << 20  # bytes between stretches of a remote file that are read rather than left out
 _BLOCK = 1 << 20
 
@@ -298,7 +299,7 @@ class McapFile:
                 i not in self.channels or taker.wants(self.channels[i]) for i in ids
             )
 
-        trusting = self._source.remote or chunks is not None
+        trusting = self._source.remote or chunks is not None or windowed
         walk = Walk(self._source, self._index, self._data_end, skip, self._defect, trusting)
         work = _Work(self, walk, taker, (low, high) if windowed else None)
         data_end: tuple[int, int] | None = None
@@ -343,10 +344,11 @@ class McapFile:
 
     def _joins(self, job: list[Stretch], found: Stretch) -> bool:
         """True when a stretch is still part of the same piece of work."""
+        size = sum(s.size for s in job) + found.size
+        if not self._source.remote:
+            return size <= _JOB_BYTES
         gap = found.offset - job[-1].offset - job[-1].length
-        return sum(s.size for s in job) + found.size <= _JOB_BYTES and not (
-            self._source.remote and gap > _NEAR
-        )
+        return size <= _REMOTE_BYTES and gap <= _NEAR
 
     def _check_data(self, end: int, crc: int) -> None:
         """Verify messages no chunk's checksum covers by the one of the whole data section."""
@@ -518,9 +520,7 @@ class _Work:
                     taken.append(self.taker.take(group, channel, schemas.get(channel.schema_id)))
         return taken
 
-    def _declared(
-        self, records: list[Small]
-    ) -> tuple[Mapping[int, Channel], Mapping[int, Schema]]:
+    def _declared(self, records: list[Small]) -> tuple[Mapping[int, Channel], Mapping[int, Schema]]:
         """Channels and schemas known before, and those among the records."""
         if not records:
             return self.file.channels, self.file.schemas

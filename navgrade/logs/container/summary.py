@@ -57,10 +57,16 @@ def read_summary(source: Source) -> Ending:
     records = read_at(source, start, end - start)
     if crc and zlib.crc32(tail[: _FOOTER.size - 4], zlib.crc32(records)) != crc:
         return Ending(wrong="its checksum does not match")
+    if not records:
+        return Ending(data_end=start)
     try:
-        return Ending(_parse(records) if records else None, data_end=start)
+        summary = _parse(records)
     except PARSE_ERRORS as error:
         return Ending(wrong=f"it cannot be parsed: {error}")
+    for i in summary.chunk_indexes:
+        if i.chunk_start_offset + i.chunk_length + i.message_index_length > start:
+            return Ending(wrong="it has chunks outside the data")
+    return Ending(summary, data_end=start)
 
 
 def _parse(records: bytes) -> Summary:

@@ -59,8 +59,13 @@ class Clock:
             if column.ndim != 1 or column.dtype.kind not in "if":
                 raise SchemaError(f"{path} is not a time")
             if column.dtype.kind == "f":
-                if not np.isfinite(column).all():
-                    raise SchemaError(f"{path} is not finite in all messages, so it is no time")
+                if unit == 1 or not np.isfinite(column).all():
+                    what = (
+                        "may have a fraction of a ns"
+                        if unit == 1
+                        else "is not finite in all messages"
+                    )
+                    raise SchemaError(f"{path} {what}, so it is no time")
                 column, unit = np.rint(column * unit).astype(np.int64), 1
             total += column * unit
         return total

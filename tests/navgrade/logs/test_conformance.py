@@ -73,9 +73,7 @@ def several_topics(path: Path, compression: str) -> Topics:
         schemas = (Schema(IMU, IMU_TEXT), Schema(INCREMENT, INCREMENT_TEXT))
         numbers = [
             out.add_channel(topic, schema)
-            for topic, schema in zip(
-                truth, (*schemas, Schema(STRING, STRING_TEXT)), strict=True
-            )
+            for topic, schema in zip(truth, (*schemas, Schema(STRING, STRING_TEXT)), strict=True)
         ]
         out.add_attachment("site.toml", "application/toml", ATTACHED, EPOCH_NS)
         for slab in range(10):
@@ -215,9 +213,7 @@ def test_the_doctor_finds_a_wrong_index(
 
 
 @pytest.mark.parametrize("name", FILES)
-def test_javascript_reads_the_same_bytes(
-    files: dict[str, tuple[Path, Topics]], name: str
-) -> None:
+def test_javascript_reads_the_same_bytes(files: dict[str, tuple[Path, Topics]], name: str) -> None:
     node = shutil.which("node")
     if node is None:
         pytest.skip("Node.js is not installed")

@@ -20,6 +20,7 @@ from scipy.spatial.transform import Rotation
 from navgrade import ImuSamples
 from navgrade.errors import ConfigError, LogError, SchemaError
 from navgrade.logs import ImuFields, open_imu, read_imu
+from navgrade.logs.container import reader
 from navgrade.logs.schemas import IMU_SCHEMAS
 from navgrade.site import read_site
 from tests.navgrade.logmaking import EPOCH_NS, Channel, imu_channel, text_channel, write_log
@@ -536,7 +537,7 @@ def turned(values: Array, axes: str) -> Array:
 def test_samples_come_out_as_they_went_in(tmp_path: Path, name: str) -> None:
     case = CASES[name]()
     log = open_imu(recorded(tmp_path, *case.channels), **case.options)
-    assert log.schema is IMU_SCHEMAS[case.schema]
+    assert log.schema == IMU_SCHEMAS[case.schema]
     (imu,) = log.blocks()
     assert (imu.kind, log.axes) == (case.kind, case.axes)
     assert len(imu) == COUNT
@@ -564,11 +565,15 @@ def test_axes_are_the_users_to_say(tmp_path: Path, name: str) -> None:
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_chunks_do_not_matter(tmp_path: Path, name: str) -> None:
+def test_chunks_and_batches_do_not_matter(
+    tmp_path: Path, name: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
     case = CASES[name]()
     whole = read_imu(recorded(tmp_path, *case.channels), **case.options)
     path = recorded(tmp_path, *case.channels, chunk_bytes=3_000, compression="none")
+    monkeypatch.setattr(reader, "_JOB_BYTES", 5_000)
     parts = read_imu(path, **case.options)
+    assert whole.epoch_ns == parts.epoch_ns
     for column in ("t", "dt", "gyro", "accel"):
         assert getattr(whole, column).tobytes() == getattr(parts, column).tobytes()
 
@@ -827,15 +832,18 @@ def test_deltas_that_are_rates_are_multiplied_by_their_interval(tmp_path: Path) 
 
 
 @pytest.mark.parametrize("pause_us", [0, 3 * 3_600_000_000])
-def test_a_counter_that_starts_again_is_unwrapped(tmp_path: Path, pause_us: int) -> None:
+def test_a_counter_that_starts_again_is_unwrapped(
+    tmp_path: Path, pause_us: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
     """32 bits of microseconds are over after 71.6 min; a pause may hide more than one turn."""
     later = np.where(np.arange(COUNT) >= 200, pause_us, 0)
     time_us = (1 << 32) - 500_000 + np.cumsum(STEPS_US) + later
     raw = time_us % (1 << 32)
     assert np.diff(raw).min() < -1_000_000_000  # us: read naively, time runs back
     channel = sbg_channel(time_us, LOG_NS + 1000 * later)
-    for chunk_bytes in (1 << 20, 3_000):
-        imu = read_imu(recorded(tmp_path, channel, chunk_bytes=chunk_bytes))
+    for size in (1 << 20, 3_000):
+        monkeypatch.setattr(reader, "_JOB_BYTES", size)
+        imu = read_imu(recorded(tmp_path, channel, chunk_bytes=size))
         # 1e-9 s: t is rounded to 1e-12 s, and the counter counts microseconds
         np.testing.assert_allclose(imu.t, (time_us - time_us[0]) * 1e-6, rtol=0.0, atol=1e-9)
 
@@ -927,7 +935,12 @@ def json_channel(messages: list[Any]) -> Channel:
 def own_json() -> list[dict[str, Any]]:
     """Rates in degrees in a structure of one's own."""
     return [
-        {"t_us": t, "imu": {"w": w, "a": {"x": a[0], "y": a[1], "z": a[2]}}, "dt_ms": dt}
+        {
+            "t_us": t,
+            "imu": {"w": w, "a": dict(zip("xyz", a, strict=True))},
+            "dt_ms": dt,
+            "nan": np.nan,
+        }
         for t, w, a, dt in zip(
             TIME_US.tolist(),
             (RATE / DEG).tolist(),
@@ -1084,6 +1097,8 @@ def test_fields_may_be_in_two_topics(tmp_path: Path) -> None:
         ({"accel": "t_us"}, SchemaError, "/own: t_us is not a vector of 3 numbers"),
         ({"gyro": ("imu.w", "t_us", "t_us")}, SchemaError, "is not a vector of 3 numbers"),
         ({"time": "imu.w"}, SchemaError, "/own: imu.w is not a time"),
+        ({"time": "dt_ms", "time_unit": "ns"}, SchemaError, "/own: dt_ms may have a fraction of"),
+        ({"time": "nan"}, SchemaError, "/own: nan is not finite in all messages"),
         ({"clock": None}, ConfigError, "imu.fields.clock: is missing; a time that is a"),
         ({"time_unit": None}, ConfigError, "imu.fields.time_unit: is missing"),
         (

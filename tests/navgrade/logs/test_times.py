@@ -36,6 +36,13 @@ BLOCK = 16_384  # samples of a block
 CHUNKS: list[dict[str, Any]] = [{}, {"chunk_bytes": 2_000}, {"chunked": False, "summary": False}]
 
 
+@pytest.fixture(autouse=True, params=[None, 5_000], ids=["large batches", "small batches"])
+def batches(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every test with the usual batches of messages and with batches of some ten."""
+    if request.param:
+        monkeypatch.setattr(reader, "_JOB_BYTES", request.param)
+
+
 @pytest.fixture
 def bench(tmp_path: Path) -> Bench:
     """An empty bench."""
@@ -187,11 +194,13 @@ def test_one_stamp_with_two_values_is_refused(tmp_path: Path, column: str, later
     recording = random_recording(1000, RATE)
     if column == "interval":
         recording = recording.as_increments(np.full(1000, 0.01))
-    recording = recording.rows(np.insert(np.arange(1000), 300 + later, 300))
+    order = np.insert(np.arange(1000), [299, 300 + later, 500], [298, 300, 499])
+    recording = recording.rows(order)  # two others are recorded twice, before and after it
+    bad = 301 + later
     values = getattr(recording, column)
-    values[300 + later] = np.nextafter(values[300 + later], np.inf)
-    path = write_log(tmp_path / "a.mcap", imu_channel(recording, log_ns=EPOCH_NS + np.arange(1001)))
-    with pytest.raises(LogError, match=f"message {300 + later}, .*repeats with other values"):
+    values[bad] = np.nextafter(values[bad], np.inf)
+    path = write_log(tmp_path / "a.mcap", imu_channel(recording, log_ns=EPOCH_NS + np.arange(1003)))
+    with pytest.raises(LogError, match=f"message {bad}, .*repeats with other values"):
         read_imu(path, kind=None if column == "interval" else "average")
 
 

@@ -1,0 +1,328 @@
+"""IMU samples, and the members of any topic, from one kind of file to another."""
+
+from __future__ import annotations
+
+import csv
+import io
+import os
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import ExitStack
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, BinaryIO, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from earth.frames import C_bs
+from navgrade.errors import ConfigError, LogError
+from navgrade.imu import ImuSamples
+from navgrade.logs.container import McapFile
+from navgrade.logs.container.definitions import parse_definition
+from navgrade.logs.container.layout import record_template
+from navgrade.logs.container.writer import Batch, McapWriter, check_output
+from navgrade.logs.imu_log import ImuLog
+from navgrade.logs.messages import IMU, IMU_INCREMENT, Schema
+from navgrade.logs.tables import SampleTable
+from navgrade.logs.topics import AXES_KEY, KIND_KEY
+
+CONVERSION = "navgrade.conversion"
+_MAX_SPAN = 1e6  # s: up to here seconds give back their nanoseconds
+Columns = Mapping[str, NDArray[Any]]
+Progress = Callable[[int], None]
+
+
+@dataclass(frozen=True)
+class Converted:
+    """How many samples were written, and as what, in words."""
+
+    count: int
+    what: str
+
+
+class _Form(NamedTuple):
+    """A message type for IMU samples, and where its x, y and z point."""
+
+    schema: Schema
+    topic: str
+    axes: str
+    gyro: str
+    accel: str
+
+
+_INCREMENTS = _Form(IMU_INCREMENT, "/imu/increments", "FRD", "delta_angle", "delta_velocity")
+_RATES = _Form(IMU, "/imu/data_raw", "FLU", "angular_velocity", "linear_acceleration")
+
+
+def convert_imu(
+    imu: ImuLog | SampleTable,
+    output: Path,
+    *,
+    start: float | None = None,
+    end: float | None = None,
+    progress: Progress | None = None,
+    overwrite: bool = False,
+) -> Converted:
+    """Write IMU samples as messages (``.mcap``) or as a table (``.csv``, ``.parquet``).
+
+    Messages are ``navgrade_msgs/msg/ImuIncrement`` in body axes; those of a log's averages hold
+    the average times its interval, which is exact. An instantaneous rate is no increment: what
+    happens between two of them is for the reconstruction to choose when it navigates, not for the
+    data. The rates of a text file become ``sensor_msgs/msg/Imu`` in its own axes, FLU. Kind and
+    axes stand in the metadata of the channel, where `open_imu` finds them.
+
+    A table holds body axes, the unit in each column's name.
+
+    Parameters
+    ----------
+    imu : ImuLog or SampleTable
+    output : Path
+        Appears when it is complete.
+    start, end : float, optional
+        s after the first sample; from `start` on and before `end`.
+    progress : callable, optional
+        Called with the number of bytes of the input read so far.
+    overwrite : bool
+
+    Raises
+    ------
+    LogError
+        When the samples cannot be used, or none lies between `start` and `end`.
+    ConfigError
+        When a log's instantaneous rates should become increments, the suffix is not known,
+        pyarrow is missing for Parquet, or `output` must not be written.
+    """
+    if output.suffix not in (".mcap", *_TABLES):
+        raise ConfigError(f"the output {output} does not end in .mcap, {' or '.join(_TABLES)}")
+    blocks = _between(imu.blocks(progress), start, end)
+    if output.suffix != ".mcap":
+        count = write_table(output, map(_sample_columns, blocks), overwrite=overwrite)
+        return Converted(count, f"kind {imu.kind}, axes FRD")
+    is_rate = imu.kind in ("rate", "average")
+    form = _RATES if is_rate and isinstance(imu, SampleTable) else _INCREMENTS
+    kind = "increment" if is_rate and form is _INCREMENTS else imu.kind
+    if form is _INCREMENTS and imu.kind == "rate":
+        raise ConfigError(
+            "instantaneous rates are not increments, a reconstruction makes them when it "
+            "navigates; say --kind average if these are means over the interval, as most drivers "
+            "publish, or write a table"
+        )
+    count = 0
+    with McapWriter(output, overwrite=overwrite) as out:
+        out.add_metadata(CONVERSION, _origin(imu))
+        told = {KIND_KEY: kind, AXES_KEY: form.axes}
+        channel = out.add_channel(form.topic, form.schema, metadata=told)
+        template = _template(form)
+        for samples in blocks:
+            out.write(_batch(channel, form, template, samples))
+            count += len(samples)
+    return Converted(count, f"{form.topic}, {form.schema.name}, kind {kind}, axes {form.axes}")
+
+
+def _between(
+    blocks: Iterable[ImuSamples], start: float | None, end: float | None
+) -> Iterator[ImuSamples]:
+    found = False
+    for block in blocks:
+        first = 0 if start is None else int(np.searchsorted(block.t, start))
+        stop = len(block) if end is None else int(np.searchsorted(block.t, end))
+        if stop > first:
+            found = True
+            yield block[first:stop]
+        if stop < len(block):
+            break
+    if not found:
+        until = "" if end is None else f" and before {end:g} s"
+        raise LogError(f"there is no sample from {start or 0.0:g} s on{until}")
+
+
+def _origin(imu: ImuLog | SampleTable) -> dict[str, str]:
+    """Where samples come from and how they were understood."""
+    topic = {"input_topic": imu.topic} if isinstance(imu, ImuLog) else {}
+    return {
+        "version": version("navgrade"),
+        "input": Path(imu.path).name,
+        **topic,
+        "kind": imu.kind,
+        "axes": imu.axes,
+        "gyro_unit": imu.gyro_unit,
+        "accel_unit": imu.accel_unit,
+    }
+
+
+def _template(form: _Form) -> NDArray[np.void]:
+    members = parse_definition(form.schema.name, form.schema.text)
+    _, template = record_template(members, {"header.frame_id": "imu"})
+    if form is _RATES:
+        template["orientation.w"] = 1.0
+        template["orientation_covariance"][:, 0] = -1.0  # by its definition: no orientation
+    return template
+
+
+def _batch(channel: int, form: _Form, template: NDArray[np.void], samples: ImuSamples) -> Batch:
+    stamp_ns = _stamps_ns(samples)
+    records = np.repeat(template, len(samples))
+    seconds, nanoseconds = np.divmod(stamp_ns, 1_000_000_000)
+    records["header.stamp.sec"], records["header.stamp.nanosec"] = seconds, nanoseconds
+    gyro, accel = samples.gyro, samples.accel
+    if form is _INCREMENTS:
+        records["interval_s"] = samples.dt
+        if not samples.is_integrated:
+            gyro, accel = gyro * samples.dt[:, None], accel * samples.dt[:, None]
+    to_sensor = C_bs(form.axes)  # on the right of a row: the transpose
+    for path, values in ((form.gyro, gyro @ to_sensor), (form.accel, accel @ to_sensor)):
+        for i, axis in enumerate("xyz"):
+            records[f"{path}.{axis}"] = values[:, i]
+    return Batch(channel, stamp_ns, records.view(np.uint8).reshape(len(records), -1))
+
+
+def _stamps_ns(samples: ImuSamples) -> NDArray[np.int64]:
+    if samples.t[-1] > _MAX_SPAN:
+        raise LogError(
+            f"a sample lies {samples.t[-1] / 86_400.0:.1f} days after the first: a stamp has "
+            "jumped (`navgrade inspect --deep` tells where), or cut the log"
+        )
+    return samples.epoch_ns + np.rint(samples.t * 1e9).astype(np.int64)
+
+
+def _sample_columns(samples: ImuSamples) -> dict[str, NDArray[Any]]:
+    """Samples in body axes as columns that say their unit."""
+    names = "gyro_{}_rad_s", "accel_{}_m_s2"
+    if samples.is_integrated:
+        names = "delta_angle_{}_rad", "delta_velocity_{}_m_s"
+    columns = {"time_ns": _stamps_ns(samples), "time_s": samples.t, "interval_s": samples.dt}
+    for name, values in zip(names, (samples.gyro, samples.accel), strict=True):
+        columns |= {name.format(axis): values[:, i] for i, axis in enumerate("xyz")}
+    return columns
+
+
+def topic_columns(
+    log: McapFile,
+    topic: str,
+    *,
+    start: float | None = None,
+    end: float | None = None,
+    progress: Progress | None = None,
+) -> Iterator[Columns]:
+    """Yield the members of a topic's messages, named as in its definition.
+
+    Sequences are left out: their length may change.
+
+    Parameters
+    ----------
+    log : McapFile
+        Its topics known, see `navgrade.logs.topics.open_known`.
+    topic : str
+    start, end : float, optional
+        s of log time after the topic's first message; from `start` on and before `end`.
+    progress : callable, optional
+        Called with the number of bytes of the log read so far.
+
+    Raises
+    ------
+    LogError, SchemaError
+        When there is no such topic, no message of it, or its definition is not understood.
+    """
+    paths = _paths(log, topic)
+    first_ns = None
+    found = False
+    for read in log.columns({topic: list(paths)}, progress=progress):
+        first_ns = int(read.log_time_ns[0]) if first_ns is None else first_ns
+        t = (read.log_time_ns - first_ns) * 1e-9
+        keep = (t >= (0.0 if start is None else start)) & (t < (np.inf if end is None else end))
+        if not keep.any():
+            continue
+        found = True
+        columns = {"log_time_ns": read.log_time_ns[keep]}
+        for path, name in paths.items():
+            values = read.fields[path][keep]
+            if values.ndim == 1:
+                columns[name] = values
+            else:
+                columns |= {f"{name}.{i}": values[:, i] for i in range(values.shape[1])}
+        yield columns
+    if not found:
+        raise LogError("no message of it is there", file=log.name, topic=topic)
+
+
+def _paths(log: McapFile, topic: str) -> dict[str, str]:
+    """What to read of a topic's messages, and the columns' names; a time is one column, ns."""
+    leaves = [m.path for m in log.members(topic) if "#" not in m.path and m.count != 0]
+    names = {}
+    for path in leaves:
+        parent, _, name = path.rpartition(".")
+        if parent and name in ("sec", "nanosec") and f"{parent}.nanosec" in leaves:
+            names[parent] = f"{parent}_ns"
+        else:
+            names[path] = path
+    return names
+
+
+def write_table(path: Path, blocks: Iterable[Columns], *, overwrite: bool = False) -> int:
+    """Write columns as CSV or Parquet, by the suffix; the file appears when it is complete.
+
+    Returns
+    -------
+    int
+        Rows written.
+
+    Raises
+    ------
+    ConfigError
+        On another suffix, when pyarrow is missing for Parquet, or `path` must not be written.
+    """
+    check_output(path, overwrite=overwrite)
+    if path.suffix not in _TABLES:
+        raise ConfigError(f"the output {path} does not end in {' or '.join(_TABLES)}")
+    write = _TABLES[path.suffix]
+    part = path.with_name(path.name + ".part")
+    try:
+        with part.open("wb") as stream:
+            rows = write(stream, blocks)
+            stream.flush()
+            os.fsync(stream.fileno())
+        part.replace(path)
+    finally:
+        part.unlink(missing_ok=True)
+    return rows
+
+
+def _write_csv(stream: BinaryIO, blocks: Iterable[Columns]) -> int:
+    text = io.TextIOWrapper(stream, encoding="utf-8", newline="")
+    writer = csv.writer(text, lineterminator="\n")
+    rows = 0
+    for columns in blocks:
+        if not rows:
+            writer.writerow(columns)
+        cells = [column.tolist() for column in columns.values()]
+        writer.writerows(zip(*cells, strict=True))
+        rows += len(cells[0])
+    text.flush()
+    text.detach()
+    return rows
+
+
+def _write_parquet(stream: BinaryIO, blocks: Iterable[Columns]) -> int:
+    try:
+        import pyarrow
+        from pyarrow.parquet import ParquetWriter
+    except ImportError:
+        raise ConfigError(
+            "Parquet needs pyarrow, pip install 'navgrade[parquet]'; or write .csv"
+        ) from None
+    rows = 0
+    with ExitStack() as stack:
+        for columns in blocks:
+            table = pyarrow.table(dict(columns))
+            if not rows:
+                writer = stack.enter_context(ParquetWriter(stream, table.schema))
+            writer.write_table(table)
+            rows += len(table)
+    return rows
+
+
+_TABLES: dict[str, Callable[[BinaryIO, Iterable[Columns]], int]] = {
+    ".csv": _write_csv,
+    ".parquet": _write_parquet,
+}
