@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from navgrade.logs.imu_log import DEFAULT_AXES
 from navgrade.logs.schemas import (
     AIDING_SCHEMAS,
     HEADER_STAMP,
@@ -16,6 +15,7 @@ from navgrade.logs.schemas import (
     ImuSchema,
     Vector,
 )
+from navgrade.logs.topics import DEFAULT_AXES
 
 _HEAD = """\
 # Message types

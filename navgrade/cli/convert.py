@@ -9,7 +9,8 @@ from typing import Any, cast
 import click
 
 from navgrade.cli.options import imu_options
-from navgrade.cli.show import console, progress_bar, row, show_source, warn
+from navgrade.cli.show import show_source
+from navgrade.cli.terminal import console, progress_bar, row, warn
 from navgrade.errors import ConfigError
 from navgrade.imu import KIND_HELP, Kind
 from navgrade.job import Choices, open_log

@@ -12,7 +12,7 @@ from rich.table import Table
 from rich.text import Text
 
 from navgrade.cli.options import log_argument
-from navgrade.cli.show import console, progress_bar, row
+from navgrade.cli.terminal import console, progress_bar, row
 from navgrade.logs import Issue
 from navgrade.logs.audit import LogAudit, TopicAudit, audit
 from navgrade.logs.stamps import Places, StampAudit

@@ -8,7 +8,8 @@ import click
 
 from earth.gravity import GRAVITY_MODELS
 from navgrade.cli.options import log_argument, source_options
-from navgrade.cli.show import progress_bar, show_alignment, show_source, show_summary
+from navgrade.cli.show import show_alignment, show_source, show_summary
+from navgrade.cli.terminal import progress_bar
 from navgrade.job import Choices, open_log, run
 from navgrade.logs import POSE_RATE
 from navgrade.mechanization import MECHANIZATIONS, VERTICAL

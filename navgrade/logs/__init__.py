@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from navgrade.logs.aiding import Aiding, read_aiding
     from navgrade.logs.container import Issue
     from navgrade.logs.container.writer import check_output
+    from navgrade.logs.convert import write_increments
     from navgrade.logs.copying import TopicCopy
     from navgrade.logs.heights import Heights, read_heights
     from navgrade.logs.imu_log import ImuLog, open_imu, read_imu, sha256
@@ -18,7 +19,6 @@ if TYPE_CHECKING:
         POSE_RATE,
         PROVENANCE,
         SolutionWriter,
-        write_increments,
         write_solution,
     )
     from navgrade.logs.topics import Topic, list_topics
@@ -41,7 +41,7 @@ _HOMES = {
     "read_heights": "navgrade.logs.heights",
     "read_imu": "navgrade.logs.imu_log",
     "sha256": "navgrade.logs.imu_log",
-    "write_increments": "navgrade.logs.solution",
+    "write_increments": "navgrade.logs.convert",
     "write_solution": "navgrade.logs.solution",
 }
 

@@ -12,10 +12,16 @@ from numpy.typing import NDArray
 
 from navgrade.errors import SchemaError
 from navgrade.logs.container import Columns, Issue, McapFile, Messages
-from navgrade.logs.imu_log import DEFAULT_AXES
 from navgrade.logs.schemas import HEADER_STAMP, IMU_SCHEMAS, Clock, Condition, ImuSchema
 from navgrade.logs.stamps import Places, SequenceAudit, StampAudit
-from navgrade.logs.topics import ENCODINGS, Topic, as_recorded, open_known, usable_imus
+from navgrade.logs.topics import (
+    DEFAULT_AXES,
+    ENCODINGS,
+    Topic,
+    as_recorded,
+    open_known,
+    usable_imus,
+)
 
 Progress = Callable[[int], None]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import os
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass
 from importlib.metadata import version
@@ -19,17 +19,16 @@ from earth.frames import C_bs
 from navgrade.errors import ConfigError, LogError
 from navgrade.imu import ImuSamples
 from navgrade.logs.container import McapFile
-from navgrade.logs.container.definitions import parse_definition
-from navgrade.logs.container.layout import record_template
-from navgrade.logs.container.writer import Batch, McapWriter, check_output
+from navgrade.logs.container.writer import McapWriter, check_output
 from navgrade.logs.imu_log import ImuLog
 from navgrade.logs.messages import IMU, IMU_INCREMENT, Schema
+from navgrade.logs.outgoing import Columns, OutTopic, vector
 from navgrade.logs.tables import SampleTable
 from navgrade.logs.topics import AXES_KEY, KIND_KEY
 
 CONVERSION = "navgrade.conversion"
+_BLOCK = 65_536  # samples turned into messages at a time
 _MAX_SPAN = 1e6  # s: up to here seconds give back their nanoseconds
-Columns = Mapping[str, NDArray[Any]]
 Progress = Callable[[int], None]
 
 
@@ -42,17 +41,38 @@ class Converted:
 
 
 class _Form(NamedTuple):
-    """A message type for IMU samples, and where its x, y and z point."""
+    """A message type for IMU samples, where its x, y and z point, and its members."""
 
     schema: Schema
     topic: str
     axes: str
-    gyro: str
-    accel: str
+    columns: Callable[[ImuSamples], Columns]
 
 
-_INCREMENTS = _Form(IMU_INCREMENT, "/imu/increments", "FRD", "delta_angle", "delta_velocity")
-_RATES = _Form(IMU, "/imu/data_raw", "FLU", "angular_velocity", "linear_acceleration")
+def _increments(samples: ImuSamples) -> Columns:
+    dtheta, dvel = samples.gyro, samples.accel
+    if not samples.is_integrated:
+        dtheta, dvel = dtheta * samples.dt[:, None], dvel * samples.dt[:, None]
+    return {
+        "interval_s": samples.dt,
+        **vector("delta_angle", dtheta),
+        **vector("delta_velocity", dvel),
+    }
+
+
+def _rates(samples: ImuSamples) -> Columns:
+    to_sensor = C_bs(_RATES.axes)  # on the right of a row: the transpose
+    return {
+        "orientation.w": np.ones(len(samples)),
+        "orientation_covariance": _NO_ORIENTATION,
+        **vector("angular_velocity", samples.gyro @ to_sensor),
+        **vector("linear_acceleration", samples.accel @ to_sensor),
+    }
+
+
+_INCREMENTS = _Form(IMU_INCREMENT, "/imu/increments", "FRD", _increments)
+_RATES = _Form(IMU, "/imu/data_raw", "FLU", _rates)
+_NO_ORIENTATION = np.array([-1.0, *[0.0] * 8])  # by the definition of the message
 
 
 def convert_imu(
@@ -111,13 +131,50 @@ def convert_imu(
     count = 0
     with McapWriter(output, overwrite=overwrite) as out:
         out.add_metadata(CONVERSION, _origin(imu))
-        told = {KIND_KEY: kind, AXES_KEY: form.axes}
-        channel = out.add_channel(form.topic, form.schema, metadata=told)
-        template = _template(form)
+        topic = _out_topic(out, form, form.topic, "imu", kind)
         for samples in blocks:
-            out.write(_batch(channel, form, template, samples))
+            out.write(topic.batch(_stamps_ns(samples), form.columns(samples)))
             count += len(samples)
     return Converted(count, f"{form.topic}, {form.schema.name}, kind {kind}, axes {form.axes}")
+
+
+def write_increments(
+    path: str | Path,
+    imu: ImuSamples,
+    *,
+    topic: str = _INCREMENTS.topic,
+    frame_id: str = "imu",
+    overwrite: bool = False,
+) -> None:
+    """Write increments in body axes as ``navgrade_msgs/msg/ImuIncrement``.
+
+    Parameters
+    ----------
+    path : path
+    imu : ImuSamples
+        Of kind ``increment`` or ``compensated``.
+    topic, frame_id : str
+    overwrite : bool
+
+    Raises
+    ------
+    ValueError
+        If `imu` holds rates.
+    ConfigError
+        If `path` exists and must not be overwritten.
+    """
+    if not imu.is_integrated:
+        raise ValueError(f"ImuIncrement holds increments, not kind {imu.kind!r}")
+    with McapWriter(path, overwrite=overwrite) as out:
+        increments = _out_topic(out, _INCREMENTS, topic, frame_id, imu.kind)
+        for samples in imu.blocks(_BLOCK):
+            out.write(increments.batch(_stamps_ns(samples), _increments(samples)))
+
+
+def _out_topic(out: McapWriter, form: _Form, topic: str, frame_id: str, kind: str) -> OutTopic:
+    """A topic whose channel tells kind and axes."""
+    told = {KIND_KEY: kind, AXES_KEY: form.axes}
+    return OutTopic(out, topic, form.schema, {"header.frame_id": frame_id}, metadata=told)
 
 
 def _between(
@@ -149,32 +206,6 @@ def _origin(imu: ImuLog | SampleTable) -> dict[str, str]:
         "gyro_unit": imu.gyro_unit,
         "accel_unit": imu.accel_unit,
     }
-
-
-def _template(form: _Form) -> NDArray[np.void]:
-    members = parse_definition(form.schema.name, form.schema.text)
-    _, template = record_template(members, {"header.frame_id": "imu"})
-    if form is _RATES:
-        template["orientation.w"] = 1.0
-        template["orientation_covariance"][:, 0] = -1.0  # by its definition: no orientation
-    return template
-
-
-def _batch(channel: int, form: _Form, template: NDArray[np.void], samples: ImuSamples) -> Batch:
-    stamp_ns = _stamps_ns(samples)
-    records = np.repeat(template, len(samples))
-    seconds, nanoseconds = np.divmod(stamp_ns, 1_000_000_000)
-    records["header.stamp.sec"], records["header.stamp.nanosec"] = seconds, nanoseconds
-    gyro, accel = samples.gyro, samples.accel
-    if form is _INCREMENTS:
-        records["interval_s"] = samples.dt
-        if not samples.is_integrated:
-            gyro, accel = gyro * samples.dt[:, None], accel * samples.dt[:, None]
-    to_sensor = C_bs(form.axes)  # on the right of a row: the transpose
-    for path, values in ((form.gyro, gyro @ to_sensor), (form.accel, accel @ to_sensor)):
-        for i, axis in enumerate("xyz"):
-            records[f"{path}.{axis}"] = values[:, i]
-    return Batch(channel, stamp_ns, records.view(np.uint8).reshape(len(records), -1))
 
 
 def _stamps_ns(samples: ImuSamples) -> NDArray[np.int64]:

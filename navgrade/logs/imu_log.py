@@ -30,9 +30,8 @@ from navgrade.logs.container.source import open_source, read_at
 from navgrade.logs.feed import AccelPart, Feed, GyroPart, Part
 from navgrade.logs.schemas import ImuFields, ImuSchema
 from navgrade.logs.times import Joiner, Rows, join_rows, least_delay_ns
-from navgrade.logs.topics import SLOW_ENCODINGS, choose_imu
+from navgrade.logs.topics import DEFAULT_AXES, SLOW_ENCODINGS, choose_imu
 
-DEFAULT_AXES = "FLU"  # REP-103
 GYRO_UNITS = {"rad/s": 1.0, "deg/s": DEG_PER_S}
 ACCEL_UNITS = {"m/s^2": 1.0, "g": STANDARD_GRAVITY}
 _BLOCK = 16_384  # samples collected before a block is handed on

@@ -7,13 +7,18 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from earth.frames import NED_TO_ENU, C_en
-from earth.geodetic import geodetic_to_ecef
-from earth.rotation import dcm_from_quat, quat_from_dcm, rotvec_from_quat
+from earth._jit import formula, kernel
+from earth.ellipsoid import WGS84
+from earth.frames import ned_to_ecef_quat
+from earth.geodetic import ecef_from_geodetic
+from earth.rotation import quat_product, quat_rotate, quat_to_rotvec
 from navgrade.logs.thinning import Thinning
 from navgrade.state import Trajectory
 
-_FLU_TO_FRD = np.diag([1.0, -1.0, -1.0])
+# half turns: about forward, from forward-left-up to forward-right-down; and about north-east
+_Q_FLU = (0.0, 1.0, 0.0, 0.0)
+_Q_ENU_NED = (0.0, np.sqrt(0.5), np.sqrt(0.5), 0.0)
+
 Array = NDArray[np.float64]
 
 
@@ -42,6 +47,58 @@ class Poses(NamedTuple):
     rate: Array
 
 
+@formula
+def conjugate(q):
+    """Return the inverse of a unit quaternion."""
+    return q[0], -q[1], -q[2], -q[3]
+
+
+@formula
+def to_ecef(lat, lon):
+    """Return q_en."""
+    return ned_to_ecef_quat(np.sin(lat), np.cos(lat), np.sin(lon), np.cos(lon))
+
+
+@formula
+def level_attitude(q_nb, k):
+    """Return the quaternion from the body's forward-left-up axes, in row `k`, to NED."""
+    return quat_product((q_nb[k, 0], q_nb[k, 1], q_nb[k, 2], q_nb[k, 3]), _Q_FLU)
+
+
+@formula
+def map_attitude(q_me, lat, lon, q_nb, k):
+    """Return the quaternion from the body's forward-left-up axes, in row `k`, to the map's."""
+    q_mn = quat_product(q_me, to_ecef(lat[k], lon[k]))
+    return quat_product(q_mn, level_attitude(q_nb, k))
+
+
+@kernel
+def _place(params, lat0, lon0, h0, t, lat, lon, h, v_eb_n, q_nb, last, rows, out):
+    """Fill `out` with the poses of `rows`; `last` is the time and attitude before row 0."""
+    q_me = quat_product(_Q_ENU_NED, conjugate(to_ecef(lat0, lon0)))
+    x0, y0, z0 = ecef_from_geodetic(params, lat0, lon0, h0)
+    position, orientation, velocity, rate = out
+    for j in range(len(rows)):
+        k = rows[j]
+        t_before, q_before = last[0], (last[1], last[2], last[3], last[4])
+        if k > 0:
+            t_before, q_before = t[k - 1], map_attitude(q_me, lat, lon, q_nb, k - 1)
+        q = map_attitude(q_me, lat, lon, q_nb, k)
+        x, y, z = ecef_from_geodetic(params, lat[k], lon[k], h[k])
+        away = quat_rotate(q_me, (x - x0, y - y0, z - z0))
+        v_n = v_eb_n[k, 0], v_eb_n[k, 1], v_eb_n[k, 2]
+        v = quat_rotate(conjugate(level_attitude(q_nb, k)), v_n)
+        turn = quat_to_rotvec(quat_product(conjugate(q_before), q))
+        for i in range(3):
+            position[j, i] = away[i]
+            velocity[j, i] = v[i]
+            rate[j, i] = turn[i] / (t[k] - t_before)
+        for i in range(4):
+            orientation[j, i] = q[i]
+    last[0] = t[-1]
+    last[1], last[2], last[3], last[4] = map_attitude(q_me, lat, lon, q_nb, len(t) - 1)
+
+
 class LocalMap:
     """A plane tangent to the ellipsoid at the first position of a solution.
 
@@ -55,34 +112,17 @@ class LocalMap:
 
     def __init__(self, rate_hz: float) -> None:
         self._thinning = Thinning(rate_hz)
-        self._last: tuple[float, Array] | None = None  # time and attitude of the last row seen
+        self._origin: tuple[float, float, float] | None = None
+        self._last = np.empty(5)
 
     def poses(self, nav: Trajectory) -> Poses:
-        """Poses in the next block of the solution."""
+        """Poses in the next block of the solution; they do not depend on where blocks end."""
         first = 0
-        if self._last is None:
+        if self._origin is None:
+            self._origin = nav.lat[0], nav.lon[0], nav.h[0]
             first = 1
-            self._origin = geodetic_to_ecef(nav.lat[0], nav.lon[0], nav.h[0])
-            self._C_me = NED_TO_ENU @ C_en(nav.lat[0], nav.lon[0]).T
         rows = first + self._thinning.rows(nav.t[first:])
-        C_mb, C_mb_before = self._attitude(nav, rows), self._attitude(nav, rows - 1)
-        t_before = nav.t[rows - 1]
-        if self._last is not None and len(rows) and rows[0] == 0:
-            t_before[0], C_mb_before[0] = self._last
-        self._last = float(nav.t[-1]), self._attitude(nav, np.array([-1]))[0]
-        turn = rotvec_from_quat(quat_from_dcm(np.swapaxes(C_mb_before, 1, 2) @ C_mb))
-        r_eb_e = geodetic_to_ecef(nav.lat[rows], nav.lon[rows], nav.h[rows])
-        v_frd = np.einsum("kji,kj->ki", dcm_from_quat(nav.q_nb[rows]), nav.v_eb_n[rows])
-        return Poses(
-            rows,
-            position=(r_eb_e - self._origin) @ self._C_me.T,
-            orientation=quat_from_dcm(C_mb),
-            velocity=v_frd @ _FLU_TO_FRD,
-            rate=turn / (nav.t[rows] - t_before)[:, None],
-        )
-
-    def _attitude(self, nav: Trajectory, rows: NDArray[np.intp]) -> Array:
-        """Matrices (n, 3, 3) from the body's forward-left-up axes to the map."""
-        C_mn = self._C_me @ C_en(nav.lat[rows], nav.lon[rows])
-        C_mb: Array = C_mn @ dcm_from_quat(nav.q_nb[rows]) @ _FLU_TO_FRD
-        return C_mb
+        poses = Poses(rows, *(np.empty((len(rows), width)) for width in (3, 4, 3, 3)))
+        columns = (nav.t, nav.lat, nav.lon, nav.h, nav.v_eb_n, nav.q_nb)
+        _place(WGS84.params, *self._origin, *columns, self._last, rows, poses[1:])
+        return poses

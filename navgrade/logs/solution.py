@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
@@ -12,26 +11,20 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from earth.frames import NED_TO_ENU
 from earth.rotation import euler_from_quat
 from earth.units import DEG
-from navgrade.imu import ImuSamples
-from navgrade.logs.container.definitions import parse_definition
-from navgrade.logs.container.layout import record_template
 from navgrade.logs.container.writer import Batch, McapWriter
 from navgrade.logs.copying import FOREVER, OWN, TopicCopy
 from navgrade.logs.messages import (
-    IMU_INCREMENT,
     LOCATION_FIX,
     NAV_SAT_FIX,
     NAV_SOLUTION,
     ODOMETRY,
     TF_MESSAGE,
-    Schema,
 )
+from navgrade.logs.outgoing import Columns, OutTopic, vector
 from navgrade.logs.poses import LocalMap, Poses
 from navgrade.logs.thinning import Thinning
-from navgrade.logs.topics import AXES_KEY, KIND_KEY
 from navgrade.state import Trajectory
 
 SOLUTION_TOPIC = OWN + "solution"
@@ -48,37 +41,6 @@ _BLOCK = 65_536  # rows turned into messages at a time
 
 Array = NDArray[np.float64]
 Rows = slice | NDArray[np.intp]
-Columns = Mapping[str, NDArray[np.generic]]
-
-
-class _Topic:
-    """A topic being written; all its messages have one size."""
-
-    def __init__(
-        self,
-        out: McapWriter,
-        topic: str,
-        schema: Schema,
-        texts: Mapping[str, str],
-        *,
-        stamp: str = "header.stamp",
-        counts: Mapping[str, int] | None = None,
-        metadata: Mapping[str, str] | None = None,
-    ) -> None:
-        self._channel = out.add_channel(topic, schema, metadata=metadata)
-        self._stamp = stamp
-        members = parse_definition(schema.name, schema.text)
-        self._dtype, self._template = record_template(members, texts, counts)
-
-    def batch(self, stamp_ns: NDArray[np.int64], columns: Columns) -> Batch:
-        """Messages of these instants with these members; all others are zero."""
-        records = np.repeat(self._template, len(stamp_ns))
-        seconds, nanoseconds = np.divmod(stamp_ns, 1_000_000_000)
-        records[f"{self._stamp}.sec"], records[f"{self._stamp}.nanosec"] = seconds, nanoseconds
-        for path, values in columns.items():
-            records[path] = values
-        data = records.view(np.uint8).reshape(-1, self._dtype.itemsize)
-        return Batch(self._channel, stamp_ns, data)
 
 
 class SolutionWriter:
@@ -126,7 +88,7 @@ class SolutionWriter:
         self._fixes = Thinning(FIX_RATE)
         self._map = LocalMap(pose_rate_hz) if pose_rate_hz > 0.0 else None
         self._copy = copy
-        add = partial(_Topic, self.file)
+        add = partial(OutTopic, self.file)
         self._solution = add(SOLUTION_TOPIC, NAV_SOLUTION, {"header.frame_id": "ned"})
         self._fix = add(FIX_TOPIC, NAV_SAT_FIX, {"header.frame_id": "imu"})
         if self._map is not None:
@@ -231,33 +193,30 @@ def _fix_columns(nav: Trajectory, rows: Rows) -> Columns:
 
 def _motion_columns(nav: Trajectory, rows: Rows) -> Columns:
     """What Foxglove's fix has besides: heading clockwise from north, velocity east, north, up."""
-    heading = euler_from_quat(nav.q_nb[rows])[:, 2] % (2.0 * np.pi)
-    velocity = nav.v_eb_n[rows] @ NED_TO_ENU.T
+    north, east, down = nav.v_eb_n[rows].T
     return {
-        "heading": heading,
-        "heading_variance": np.full(len(heading), np.nan),
-        **{f"velocity_{axis}": velocity[:, i] for i, axis in enumerate("xyz")},
+        "heading": euler_from_quat(nav.q_nb[rows])[:, 2] % (2.0 * np.pi),
+        "heading_variance": np.full(len(north), np.nan),
+        "velocity_x": east,
+        "velocity_y": north,
+        "velocity_z": -down,
     }
 
 
 def _odometry_columns(poses: Poses) -> Columns:
     return {
-        **_vector("pose.pose.position", poses.position),
+        **vector("pose.pose.position", poses.position),
         **_quaternion("pose.pose.orientation", poses.orientation),
-        **_vector("twist.twist.linear", poses.velocity),
-        **_vector("twist.twist.angular", poses.rate),
+        **vector("twist.twist.linear", poses.velocity),
+        **vector("twist.twist.angular", poses.rate),
     }
 
 
 def _transform_columns(poses: Poses) -> Columns:
     return {
-        **_vector("transforms.0.transform.translation", poses.position),
+        **vector("transforms.0.transform.translation", poses.position),
         **_quaternion("transforms.0.transform.rotation", poses.orientation),
     }
-
-
-def _vector(path: str, values: Array) -> Columns:
-    return {f"{path}.{axis}": values[:, i] for i, axis in enumerate("xyz")}
 
 
 def _quaternion(path: str, q: Array) -> Columns:
@@ -283,43 +242,3 @@ def write_solution(path: str | Path, nav: Trajectory, *, overwrite: bool = False
     with SolutionWriter(path, overwrite=overwrite) as out:
         for start in range(0, len(nav), _BLOCK):
             out.write(nav[start : start + _BLOCK])
-
-
-def write_increments(
-    path: str | Path,
-    imu: ImuSamples,
-    *,
-    topic: str = "/imu/increments",
-    frame_id: str = "imu",
-    overwrite: bool = False,
-) -> None:
-    """Write increments in body axes as ``navgrade_msgs/msg/ImuIncrement``.
-
-    Parameters
-    ----------
-    path : path
-    imu : ImuSamples
-        Of kind ``increment`` or ``compensated``.
-    topic, frame_id : str
-    overwrite : bool
-
-    Raises
-    ------
-    ValueError
-        If `imu` holds rates.
-    ConfigError
-        If `path` exists and must not be overwritten.
-    """
-    if not imu.is_integrated:
-        raise ValueError(f"ImuIncrement holds increments, not kind {imu.kind!r}")
-    told = {KIND_KEY: imu.kind, AXES_KEY: "FRD"}
-    with McapWriter(path, overwrite=overwrite) as out:
-        increments = _Topic(out, topic, IMU_INCREMENT, {"header.frame_id": frame_id}, metadata=told)
-        for block in imu.blocks(_BLOCK):
-            columns = {
-                "interval_s": block.dt,
-                **_vector("delta_angle", block.gyro),
-                **_vector("delta_velocity", block.accel),
-            }
-            stamp_ns = block.epoch_ns + np.rint(block.t * 1e9).astype(np.int64)
-            out.write(increments.batch(stamp_ns, columns))

@@ -13,6 +13,7 @@ from navgrade.logs.schemas import IMU_SCHEMAS, ImuFields, ImuSchema
 
 ENCODINGS = ("cdr", "ros1", "json", "protobuf")
 SLOW_ENCODINGS = ("json", "protobuf")
+DEFAULT_AXES = "FLU"  # REP-103
 KIND_KEY = "imu.kind"  # in a channel's metadata: what a recorder says of its samples
 AXES_KEY = "imu.axes"
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import shutil
 import sys
 import tempfile
 import time
@@ -45,8 +46,10 @@ def read(count: int, seed: int, jobs: int) -> int:
 
 def killed(count: int, seed: int) -> int:
     """Runs of a log of ten minutes, killed while they write."""
-    with tempfile.TemporaryDirectory(prefix="navgrade-kill-") as folder:
-        found = kill(finish(Path(folder), seconds=600.0), count, seed)
+    folder = Path(tempfile.mkdtemp(prefix="navgrade-kill-"))
+    print(f"in {folder}, which stays when a run leaves what it must not")
+    found = kill(finish(folder, seconds=600.0), count, seed)
+    shutil.rmtree(folder)
     print(f"{count} runs killed while they wrote, seed {seed}; they left")
     for what, number in found.most_common():
         print(f"  {what:28} {number:4}")

@@ -17,7 +17,7 @@ from random import Random
 
 from navgrade.errors import NavgradeError
 from tests.fuzz.corpus import Sample, corpus
-from tests.fuzz.judge import GOOD, How, Reader, Verdict, choose, examine
+from tests.fuzz.judge import GOOD, ROUTES, How, Reader, Verdict, choose, examine
 from tests.fuzz.mutate import Mutant, mutated
 
 
@@ -76,9 +76,9 @@ def _work(pipe: Connection, reader: Reader, seed: int, indices: range, limits: L
     """Judge cases and send their outcomes; the watch-dog ends this process on a hang."""
     samples = corpus()
     for sample in samples:  # what is compiled and loaded at first use is not the file's doing
-        for columns in (True, False):
+        for route in ROUTES:
             with suppress(NavgradeError):
-                reader(sample.data, sample, How(columns, strict=False, threads=1, window=None))
+                reader(sample.data, sample, How(route))
     pipe.send("ready")
     first = _memory("VmHWM")
     ceiling = int(_memory("VmSize") + 4.0 * limits.megabytes) << 20

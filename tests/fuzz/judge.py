@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import struct
+import tempfile
 import traceback
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -15,22 +16,30 @@ import zstandard
 from fsspec.implementations.memory import MemoryFileSystem
 
 from navgrade.errors import NavgradeError
+from navgrade.imu import ImuSamples
+from navgrade.logs import open_imu
+from navgrade.logs.audit import audit
 from navgrade.logs.container import Columns, Issue, McapFile
 from tests.fuzz.corpus import Sample
 from tests.fuzz.mutate import CHUNK, CHUNK_HEAD, DATA_END, HEAD, Mutant, split
 
+ROUTES = {"columns": 10, "messages": 7, "imu": 2, "audit": 1}  # with their weights
 GOOD = ("whole", "defects told", "refused")
 KINDS = {"cut", "chunk", "compression", "record", "checksum", "summary", "bomb", "channel"}
 
 
 @dataclass(frozen=True)
 class How:
-    """Options of a reading."""
+    """What is read, and the options of the reading.
 
-    columns: bool
-    strict: bool
-    threads: int
-    window: tuple[int, int] | None
+    `route` is ``messages``, ``columns``, ``imu`` (samples for navigation) or ``audit``. The last
+    two know only `strict`; to an audit it means that everything is read.
+    """
+
+    route: str
+    strict: bool = False
+    threads: int = 1
+    window: tuple[int, int] | None = None
     remote: bool = False
 
 
@@ -41,16 +50,18 @@ def choose(rng: Random, sample: Sample) -> How:
         times = [int(t) for topic in sample.topics.values() for t in topic.log_ns]
         start, end = sorted((rng.choice(times), rng.choice(times)))
         window = (start, end)
-    columns, strict, two, remote = (rng.random() < part for part in (0.6, 0.2, 0.1, 0.1))
-    return How(columns, strict, 1 + two, window, remote)
+    (route,) = rng.choices(tuple(ROUTES), tuple(ROUTES.values()))
+    strict, two, remote = (rng.random() < part for part in (0.2, 0.1, 0.1))
+    return How(route, strict, 1 + two, window, remote)
 
 
 @dataclass
 class Reading:
-    """What a reader gave: messages or columns, and the defects it told of."""
+    """What a reader gave, by the route it took, and the defects it told of."""
 
     rows: list[tuple[str, int, int, int, bytes]] = field(default_factory=list)
     columns: list[Columns] = field(default_factory=list)
+    samples: list[ImuSamples] = field(default_factory=list)
     issues: list[Issue] = field(default_factory=list)
 
 
@@ -59,6 +70,8 @@ Reader = Callable[[bytes, Sample, How], Reading]
 
 def by_navgrade(data: bytes, sample: Sample, how: How) -> Reading:
     """Read with the reader under test."""
+    if how.route in ("imu", "audit"):
+        return _for_navigation(data, sample, how)
     source: str | io.BytesIO = io.BytesIO(data)
     if how.remote:
         MemoryFileSystem().pipe_file("/fuzz.mcap", data)
@@ -66,7 +79,7 @@ def by_navgrade(data: bytes, sample: Sample, how: How) -> Reading:
     log = McapFile(source, strict=how.strict)
     start, end = how.window or (None, None)
     reading = Reading(issues=log.issues)
-    if how.columns:
+    if how.route == "columns":
         fields = {name: tuple(topic.columns) for name, topic in sample.topics.items()}
         for block in log.columns(fields, start_ns=start, end_ns=end, threads=how.threads):
             reading.columns.append(block)
@@ -78,6 +91,17 @@ def by_navgrade(data: bytes, sample: Sample, how: How) -> Reading:
                 numbers = run.sequence[k], run.log_time_ns[k], run.publish_time_ns[k]
                 reading.rows.append((topic, *map(int, numbers), whole[at : at + size]))
     return reading
+
+
+def _for_navigation(data: bytes, sample: Sample, how: How) -> Reading:
+    with tempfile.NamedTemporaryFile(prefix="navgrade-fuzz-", suffix=".mcap") as file:
+        file.write(data)
+        file.flush()
+        if how.route == "audit":
+            return Reading(issues=audit(file.name, deep=how.strict).issues)
+        topic = next(name for name in sample.topics if name.startswith("/imu"))
+        log = open_imu(file.name, topic, "average", "FRD", strict=how.strict)
+        return Reading(samples=list(log.blocks()), issues=log.issues)
 
 
 @dataclass(frozen=True)
@@ -102,14 +126,14 @@ def examine(mutant: Mutant, sample: Sample, how: How, reader: Reader) -> Verdict
     for issue in reading.issues:
         if story := _senseless(issue, len(data)):
             return Verdict("senseless issue", story)
-    if how.strict and reading.issues:
+    if how.strict and how.route != "audit" and reading.issues:
         return Verdict("not strict", str(reading.issues))
     if not mutant.forged:
         found, wrong = _compare(reading, sample, how)
         if wrong and not _excused(wrong, data, sample, reading.issues):
             return Verdict("wrong value", f"{wrong[0].story}; issues {reading.issues}")
-        complete = how.window is not None or mutant.misled or reading.issues
-        if not complete and found != _expected(sample):
+        counted = how.route in ("messages", "columns") and how.window is None
+        if counted and not mutant.misled and not reading.issues and found != _expected(sample):
             lost = len(_expected(sample) - found)
             return Verdict("silent loss", f"{lost} messages are missing, no issue")
     return Verdict("defects told" if reading.issues else "whole")
@@ -170,6 +194,15 @@ def _compare(
         for path, values in {**block.fields, **given}.items():
             if values.shape != truth[path].shape or not _equal(values, truth[path]):
                 wrong.append(Wrong(f"{block.topic} {path} has another value"))
+    recorded = {
+        row.tobytes()
+        for name, topic in sample.topics.items()
+        if name.startswith("/imu")
+        for row in topic.columns["angular_velocity"]
+    }
+    for samples in reading.samples:
+        if not {row.tobytes() for row in samples.gyro} <= recorded:
+            wrong.append(Wrong("a sample was never recorded"))
     return found, wrong
 
 

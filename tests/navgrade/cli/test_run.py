@@ -291,6 +291,7 @@ def test_brackets_in_a_path_are_printed_as_they_are(bench: Bench) -> None:
                 *("--frame", "--reconstruction", "--vertical", "--output-rate", "--overwrite"),
                 *("--bridge-gaps", "--strict", "--causal", "--gravity", "causal-3", "centred-9"),
                 *("free", "hold", "baro", "somigliana", "closed-form"),
+                *("--pose-rate", "--location-fix", "--copy-topics"),
             ),
         ),
         (("align",), ("LOG.mcap", "--config", "--imu-topic", "--kind", "--axes", "--json")),

@@ -6,7 +6,7 @@ import json
 import shutil
 import subprocess
 from collections.abc import Callable, Sequence
-from operator import attrgetter
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,6 @@ from rosbags.highlevel import AnyReader
 
 Columns = dict[str, NDArray[Any]]
 
-STAMP = ("header.stamp.sec", "header.stamp.nanosec")
 SOLUTION = "/navgrade/solution"
 FIX = "/navgrade/fix"
 SOLUTION_FLOATS = (
@@ -38,43 +37,77 @@ SOLUTION_FLOATS = (
     "orientation.z",
 )
 FIX_FLOATS = ("latitude", "longitude", "altitude")
+ODOMETRY = "/navgrade/odometry"
+TRANSFORMS = "/tf"
+LOCATION = "/navgrade/location"
+ODOMETRY_FLOATS = tuple(
+    f"{path}.{axis}"
+    for path, axes in (
+        ("pose.pose.position", "xyz"),
+        ("pose.pose.orientation", "xyzw"),
+        ("twist.twist.linear", "xyz"),
+        ("twist.twist.angular", "xyz"),
+    )
+    for axis in axes
+)
 NODE_FOLDER = Path(__file__).resolve().parents[2] / "node"
 
 
-def _columns(messages: Sequence[Any], floats: Sequence[str], integers: Sequence[str]) -> Columns:
-    columns: Columns = {}
-    for path in floats:
-        values = [attrgetter(path)(message) for message in messages]
-        assert all(type(value) is float for value in values)
-        columns[path] = np.array(values)
-    for path in (*STAMP, *integers):
-        columns[path] = np.array([attrgetter(path)(message) for message in messages], np.int64)
-    columns["stamp_ns"] = columns[STAMP[0]] * 1_000_000_000 + columns[STAMP[1]]
-    return columns
+def _member(message: Any, path: str) -> Any:
+    """A member by its dotted path, elements of sequences by their number."""
+    for name in path.split("."):
+        message = message[int(name)] if name.isdigit() else getattr(message, name)
+    return message
 
 
-def by_mcap_ros2_support(
-    path: Path, topic: str, floats: Sequence[str], integers: Sequence[str]
-) -> Columns:
+def messages_by_mcap_ros2_support(path: Path, topic: str) -> list[Any]:
     """Decode with the official reader, every checksum verified."""
     with path.open("rb") as stream:
         reader = make_reader(stream, validate_crcs=True, decoder_factories=[DecoderFactory()])
-        rows = [row.decoded_message for row in reader.iter_decoded_messages(topics=[topic])]
-    return _columns(rows, floats, integers)
+        return [row.decoded_message for row in reader.iter_decoded_messages(topics=[topic])]
 
 
-def by_rosbags(path: Path, topic: str, floats: Sequence[str], integers: Sequence[str]) -> Columns:
+def messages_by_rosbags(path: Path, topic: str) -> list[Any]:
     """Decode with rosbags; its types are those the file itself describes."""
     with AnyReader([path]) as reader:
         wanted = [connection for connection in reader.connections if connection.topic == topic]
-        rows = [
+        return [
             reader.deserialize(raw, connection.msgtype)
             for connection, _, raw in reader.messages(connections=wanted)
         ]
-    return _columns(rows, floats, integers)
 
 
-Decoder = Callable[[Path, str, Sequence[str], Sequence[str]], Columns]
+MESSAGES: dict[str, Callable[[Path, str], list[Any]]] = {
+    "mcap-ros2-support": messages_by_mcap_ros2_support,
+    "rosbags": messages_by_rosbags,
+}
+
+
+def _decoded(
+    read: Callable[[Path, str], list[Any]],
+    path: Path,
+    topic: str,
+    floats: Sequence[str],
+    integers: Sequence[str],
+    stamp: str = "header.stamp",
+) -> Columns:
+    """Columns of a topic, and its stamps."""
+    messages = read(path, topic)
+    columns: Columns = {}
+    for name in floats:
+        values = [_member(message, name) for message in messages]
+        assert all(type(value) is float for value in values)
+        columns[name] = np.array(values)
+    seconds, nanoseconds = f"{stamp}.sec", f"{stamp}.nanosec"
+    for name in (seconds, nanoseconds, *integers):
+        columns[name] = np.array([_member(message, name) for message in messages], np.int64)
+    columns["stamp_ns"] = columns[seconds] * 1_000_000_000 + columns[nanoseconds]
+    return columns
+
+
+Decoder = Callable[..., Columns]
+by_mcap_ros2_support: Decoder = partial(_decoded, messages_by_mcap_ros2_support)
+by_rosbags: Decoder = partial(_decoded, messages_by_rosbags)
 DECODERS: dict[str, Decoder] = {
     "mcap-ros2-support": by_mcap_ros2_support,
     "rosbags": by_rosbags,

@@ -16,18 +16,16 @@ from mcap.reader import make_reader
 from navgrade.logs.container import chunks
 from tests.fuzz.corpus import Sample, corpus
 from tests.fuzz.harness import Limits, case, fuzz
-from tests.fuzz.judge import GOOD, How, Reader, Reading, by_navgrade, examine
+from tests.fuzz.judge import GOOD, ROUTES, How, Reader, Reading, by_navgrade, examine
 from tests.fuzz.mutate import Mutant
 
 SAMPLES = corpus()
-PLAIN = How(columns=False, strict=True, threads=1, window=None)
 
 
-@pytest.mark.parametrize("columns", [True, False])
+@pytest.mark.parametrize("route", ROUTES)
 @pytest.mark.parametrize("sample", SAMPLES, ids=lambda sample: sample.name)
-def test_what_mutations_start_from_is_read_whole(sample: Sample, columns: bool) -> None:
-    how = How(columns, strict=True, threads=1, window=None)
-    verdict = examine(Mutant([sample.data]), sample, how, by_navgrade)
+def test_what_mutations_start_from_is_read_whole(sample: Sample, route: str) -> None:
+    verdict = examine(Mutant([sample.data]), sample, How(route, strict=True), by_navgrade)
     assert verdict.outcome == "whole", verdict.story
 
 

@@ -16,6 +16,7 @@ import tracemalloc
 import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 
 import lz4.frame
@@ -37,7 +38,8 @@ VARYING = Definition("test_msgs/msg/Blob", "uint8[] data\n")
 CHUNK_BYTES = 50_000
 COMPRESSIONS = {"zstd": "zstd", "lz4": "lz4", "none": ""}
 
-Bytes = NDArray[np.uint8]
+# the names of the window's ends that replace them came with mcap 1.6
+DEPRECATED = pytest.mark.filterwarnings("ignore:.*_time is deprecated")
 Row = tuple[str, int, int, int, bytes]  # topic, sequence, log time, publish time, message
 
 
@@ -95,16 +97,13 @@ def given(topic: str, count: int, step_ns: int, *, longest: int = 400, seed: int
 
 def write(path: Path, *topics: Given, blocks: int = 1, **options: object) -> Path:
     """Write topics in slabs of their common time."""
-    edges = np.linspace(0, 1, blocks + 1)
+    ends_ns = [int(topic.log_ns[-1]) for topic in topics if len(topic)]
+    edges = np.linspace(EPOCH_NS, max(ends_ns, default=EPOCH_NS) + 1000, blocks + 1)
     with McapWriter(path, chunk_bytes=CHUNK_BYTES, **options) as out:  # type: ignore[arg-type]
         channels = [out.add_channel(topic.topic, VARYING) for topic in topics]
-        last_ns = max((int(topic.log_ns[-1]) for topic in topics if len(topic)), default=EPOCH_NS)
-        for low, high in zip(edges[:-1], edges[1:], strict=True):
+        for span in pairwise(edges):
             slab = []
             for topic, channel in zip(topics, channels, strict=True):
-                span = EPOCH_NS + (np.array([low, high]) * (last_ns + 1 - EPOCH_NS)).astype(
-                    np.int64
-                )
                 start, stop = np.searchsorted(topic.log_ns, span)
                 slab.append(topic.batch(channel, int(start), int(stop)))
             out.write(*slab)
@@ -170,6 +169,7 @@ def test_a_pipe_is_enough_to_read_it(written: Path) -> None:
     assert found == [(VARYING.name, row) for row in merged(*THREE)]
 
 
+@DEPRECATED
 def test_windows_of_time_are_found_by_the_index(written: Path) -> None:
     wanted = merged(*THREE)
     rng = np.random.default_rng(4)
@@ -482,6 +482,7 @@ def test_times_and_numbers_have_defaults(tmp_path: Path) -> None:
     assert all(row[2] == row[3] for row in found)
 
 
+@DEPRECATED
 def test_calls_that_go_back_in_time_are_kept_in_the_order_of_the_calls(tmp_path: Path) -> None:
     """Within a call rows are sorted; the index still finds each message at its time."""
     path = tmp_path / "out.mcap"
@@ -608,7 +609,7 @@ def test_a_killed_writer_leaves_all_its_whole_chunks(tmp_path: Path) -> None:
     times = np.concatenate([part.log_time_ns for part in log.messages(lambda channel: True)])
     assert [issue.kind for issue in log.issues] == ["cut"]
     assert times.tolist() == list(range(len(times)))
-    assert 900 < len(times) < 1000  # a hundred records a chunk; the last one was being filled
+    assert len(times) == 900  # a hundred a chunk; the last one was still being filled
 
 
 @pytest.mark.parametrize("error", [RuntimeError, KeyboardInterrupt, SystemExit])

@@ -1,0 +1,39 @@
+"""The terminal, and how lines are written on it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeRemainingColumn
+
+console = Console(highlight=False, soft_wrap=True)
+
+
+def row(name: str, text: str) -> None:
+    """Print one line of a report."""
+    console.print(f"{name:<22}{text}", markup=False)
+
+
+def warn(text: str) -> None:
+    """Print a warning."""
+    console.print(f"warning: {text}", style="yellow", markup=False)
+
+
+@contextmanager
+def progress_bar(what: str, file: Path) -> Iterator[Callable[[int], None]]:
+    """A bar on a terminal; yields the function that takes the bytes of the file read so far."""
+    bar = Progress(
+        TextColumn(what),
+        BarColumn(),
+        TextColumn("{task.percentage:3.0f} %"),
+        TimeRemainingColumn(),
+        console=console,
+        transient=True,
+        disable=not console.is_terminal,
+    )
+    with bar:
+        task = bar.add_task("", total=file.stat().st_size if file.is_file() else None)
+        yield lambda done: bar.update(task, completed=done)
