@@ -40,6 +40,10 @@ IMU_ENTRIES = "navgrade/logs/schemas/imu.py"
 SCHEMAS = "tests/navgrade/logs/test_schemas.py"
 TIMES = "tests/navgrade/logs/test_times.py"
 AIDING = "tests/navgrade/logs/test_aiding.py"
+PLACES = "navgrade/logs/poses.py"
+POSES = "tests/navgrade/logs/test_poses.py"
+WRITER = "navgrade/logs/container/writer.py"
+WRITTEN = "tests/navgrade/logs/test_writer.py"
 
 
 @dataclass(frozen=True)
@@ -501,6 +505,55 @@ MUTATIONS = (
         '("up_velocity", -1.0)',
         '("up_velocity", 1.0)',
         (f"{AIDING}::test_inspva_and_inspvax_mean_different_heights",),
+    ),
+    Mutation(
+        "pose: body axes right and down",
+        PLACES,
+        "_Q_FLU = (0.0, 1.0, 0.0, 0.0)",
+        "_Q_FLU = (1.0, 0.0, 0.0, 0.0)",
+        (f"{POSES}::test_a_steady_turn_over_one_place_has_its_rate",),
+    ),
+    Mutation(
+        "pose: map axes south, west, up",
+        PLACES,
+        "_Q_ENU_NED = (0.0, np.sqrt(0.5), np.sqrt(0.5), 0.0)",
+        "_Q_ENU_NED = (0.0, np.sqrt(0.5), -np.sqrt(0.5), 0.0)",
+        (f"{POSES}::test_a_level_body_that_heads_north_points_along_y_of_the_map",),
+    ),
+    Mutation(
+        "pose: level where the map is level",
+        PLACES,
+        "q_mn = quat_product(q_me, to_ecef(lat[k], lon[k]))",
+        "q_mn = quat_product(q_me, to_ecef(lat[0], lon[0]))",
+        (f"{POSES}::test_rates_are_relative_to_the_earth_not_to_the_local_level",),
+    ),
+    Mutation(
+        "pose: a turn in the map's axes",
+        PLACES,
+        "quat_product(conjugate(q_before), q)",
+        "quat_product(q, conjugate(q_before))",
+        (f"{POSES}::test_a_steady_turn_over_one_place_has_its_rate",),
+    ),
+    Mutation(
+        "pose: the first interval of each block forgotten",
+        PLACES,
+        "last[0] = t[-1]",
+        "last[0] = t[0]",
+        (f"{POSES}::test_the_rate_is_the_mean_over_the_last_interval",),
+    ),
+    Mutation(
+        "fix: velocity down taken for up",
+        "navgrade/logs/solution.py",
+        '"velocity_z": -down',
+        '"velocity_z": down',
+        (f"{POSES}::test_foxgloves_fix_has_heading_and_velocity",),
+    ),
+    Mutation(
+        "writer: an index that points beside its message",
+        WRITER,
+        'entries[:, 0], entries[:, 1] = heads["log_time"], to',
+        'entries[:, 0], entries[:, 1] = heads["log_time"], to + 1',
+        (f"{WRITTEN}::test_every_entry_of_every_index_points_at_its_message",),
     ),
 )
 

@@ -67,9 +67,8 @@ class TopicAudit:
     @property
     def rate_hz(self) -> float:
         """Mean rate, by stamps where their clock can be trusted; 0 where there is none."""
-        span = self.log_span
-        if self.stamps is not None and not self.stamps.jumps.count + self.stamps.wraps.count:
-            span = self.stamps.span
+        stamps = self.stamps
+        span = stamps.span if stamps is not None and stamps.is_steady else self.log_span
         return (self.count - 1) / span if span > 0.0 and self.count > 1 else 0.0
 
     @property
@@ -252,7 +251,7 @@ def audit(path: str | Path, *, deep: bool = False, progress: Progress | None = N
                 raise
             troubles[error.topic] = str(error)  # once more, without a look into its messages
     if deep or why_deep:
-        reading.compare(file)
+        reading.compare(McapFile(path))
     topics = sorted(reading.topics.values(), key=lambda topic: topic.name)
     listed = [Topic(t.name, t.schema, t.encoding, t.count, t.rate_hz) for t in topics]
     return LogAudit(

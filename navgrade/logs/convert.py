@@ -61,7 +61,7 @@ def _increments(samples: ImuSamples) -> Columns:
 
 
 def _rates(samples: ImuSamples) -> Columns:
-    to_sensor = C_bs(_RATES.axes)  # on the right of a row: the transpose
+    to_sensor = C_bs(_RATES.axes)  # of rows; of columns it would be the transpose
     return {
         "orientation.w": np.ones(len(samples)),
         "orientation_covariance": _NO_ORIENTATION,
@@ -115,7 +115,7 @@ def convert_imu(
     """
     if output.suffix not in (".mcap", *_TABLES):
         raise ConfigError(f"the output {output} does not end in .mcap, {' or '.join(_TABLES)}")
-    blocks = _between(imu.blocks(progress), start, end)
+    blocks = _between(imu, start, end, progress)
     if output.suffix != ".mcap":
         count = write_table(output, map(_sample_columns, blocks), overwrite=overwrite)
         return Converted(count, f"kind {imu.kind}, axes FRD")
@@ -160,6 +160,8 @@ def write_increments(
     ------
     ValueError
         If `imu` holds rates.
+    LogError
+        If the samples span more than a million seconds, which hide their nanoseconds.
     ConfigError
         If `path` exists and must not be overwritten.
     """
@@ -178,10 +180,10 @@ def _out_topic(out: McapWriter, form: _Form, topic: str, frame_id: str, kind: st
 
 
 def _between(
-    blocks: Iterable[ImuSamples], start: float | None, end: float | None
+    imu: ImuLog | SampleTable, start: float | None, end: float | None, progress: Progress | None
 ) -> Iterator[ImuSamples]:
     found = False
-    for block in blocks:
+    for block in imu.blocks(progress):
         first = 0 if start is None else int(np.searchsorted(block.t, start))
         stop = len(block) if end is None else int(np.searchsorted(block.t, end))
         if stop > first:
@@ -191,7 +193,8 @@ def _between(
             break
     if not found:
         until = "" if end is None else f" and before {end:g} s"
-        raise LogError(f"there is no sample from {start or 0.0:g} s on{until}")
+        text = f"there is no sample from {start or 0.0:g} s on{until}"
+        raise LogError(text, file=str(imu.path))
 
 
 def _origin(imu: ImuLog | SampleTable) -> dict[str, str]:

@@ -163,8 +163,8 @@ class Feed:
     def fault(self, text: str, rows: Rows, index: int) -> LogError:
         """The error for the time of a message."""
         return self.error(
-            f"the {self._schema.clock.title} {text}; repair the stamps first, `navgrade inspect` "
-            "counts them",
+            f"the {self._schema.clock.title} {text}; repair the stamps first, `navgrade inspect "
+            "--deep` counts them",
             rows,
             index,
         )

@@ -91,6 +91,11 @@ class StampAudit:
         """Last minus first stamp, s."""
         return (self.last_ns - self.first_ns) * 1e-9
 
+    @property
+    def is_steady(self) -> bool:
+        """The clock behind them went on all the time, as far as can be seen."""
+        return self.span > 0.0 and not self.jumps.count + self.wraps.count
+
     def report(self) -> dict[str, Any]:
         """In plain types."""
         low, high = self.log_minus_stamp

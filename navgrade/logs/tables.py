@@ -278,6 +278,8 @@ class _Lines:
             )
         except ValueError as error:
             raise self._fault(texts, str(error)) from None
+        if len(self._rows) != len(texts):
+            raise self._fault(texts, "a cell goes on in the next line")
 
     def error(self, row: int, text: str) -> LogError:
         return LogError(f"line {self._numbers[row]}: {text}", file=self._layout.file)
@@ -299,6 +301,8 @@ class _Lines:
         """What makes these lines unreadable, found by a second and slower look."""
         layout = self._layout
         for row, text in enumerate(texts):
+            if text.count('"') % 2:
+                return self.error(row, "a quotation mark is not closed")
             cells = _cells(text, layout.delimiter)
             if len(cells) != layout.width:
                 return self.error(row, f"it has {len(cells)} columns, line 1 has {layout.width}")

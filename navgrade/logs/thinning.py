@@ -7,9 +7,7 @@ from numpy.typing import NDArray
 
 from earth._jit import kernel
 
-_NEAR = (
-    0.49  # of the interval; not a half: a tick midway goes to the later row in spite of rounding
-)
+_NEAR = 0.49  # of an interval: a tick midway goes to the later row, whatever rounding says
 
 
 @kernel

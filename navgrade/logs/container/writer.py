@@ -93,7 +93,7 @@ class Batch:
     def __len__(self) -> int:
         return len(self.log_time_ns)
 
-    def __getitem__(self, rows: slice | NDArray[np.bool_]) -> Batch:
+    def __getitem__(self, rows: slice | NDArray[np.bool_] | NDArray[np.intp]) -> Batch:
         columns = {
             name: column[rows]
             for name in ("log_time_ns", "publish_time_ns", "sequence", "offsets", "sizes")
@@ -108,29 +108,28 @@ class Batch:
         sizes = np.full(len(self), self.data.shape[1]) if self.sizes is None else self.sizes
         return sizes + _HEAD.itemsize
 
-    def heads(self, rows: NDArray[np.intp], sizes: NDArray[np.int64]) -> NDArray[np.void]:
-        """What stands before the messages of some rows; `sizes` are those of their records."""
+    def heads(self) -> NDArray[np.void]:
+        """What stands before each message."""
         published = self.log_time_ns if self.publish_time_ns is None else self.publish_time_ns
-        heads = np.empty(len(rows), _HEAD)
+        heads = np.empty(len(self), _HEAD)
         heads["opcode"] = Opcode.MESSAGE
-        heads["length"] = sizes - RECORD.size
+        heads["length"] = self.record_sizes() - RECORD.size
         heads["channel"] = self.channel
-        heads["sequence"] = rows if self.sequence is None else self.sequence[rows]
-        heads["log_time"] = self.log_time_ns[rows]
-        heads["publish_time"] = published[rows]
+        heads["sequence"] = self.sequence
+        heads["log_time"] = self.log_time_ns
+        heads["publish_time"] = published
         return heads
 
-    def copy(self, rows: NDArray[np.intp], target: NDArray[np.uint8], to: NDArray[np.intp]) -> None:
-        """Copy the messages of some rows to the places `to` in `target`."""
+    def copy(self, target: NDArray[np.uint8], to: NDArray[np.int64]) -> None:
+        """Copy the messages to the places `to` in `target`."""
         if self.offsets is None or self.sizes is None:
             size = self.data.shape[1]
             if size:
-                _runs(target, size)[to] = self.data.view(f"V{size}")[rows, 0]
+                _runs(target, size)[to] = self.data.view(f"V{size}")[:, 0]
             return
-        sizes = self.sizes[rows]
-        for size in np.unique(sizes[sizes > 0]).tolist():
-            at = np.flatnonzero(sizes == size)
-            _runs(target, size)[to[at]] = _runs(self.data, size)[self.offsets[rows[at]]]
+        for size in np.unique(self.sizes[self.sizes > 0]).tolist():
+            at = np.flatnonzero(self.sizes == size)
+            _runs(target, size)[to[at]] = _runs(self.data, size)[self.offsets[at]]
 
 
 def _runs(data: NDArray[np.uint8], size: int) -> NDArray[np.void]:
@@ -163,18 +162,12 @@ class _Chunk:
         begin = self.grow(len(record))
         self.data.data[begin : self.size] = record
 
-    def place(
-        self,
-        batch: Batch,
-        rows: NDArray[np.intp],
-        to: NDArray[np.intp],
-        sizes: NDArray[np.int64],
-    ) -> None:
-        """Lay down records of `sizes`, of some rows of a batch, at the places `to`."""
-        heads = batch.heads(rows, sizes)
+    def place(self, batch: Batch, to: NDArray[np.int64]) -> None:
+        """Lay down the records of a batch at the places `to`."""
+        heads = batch.heads()
         _runs(self.data, _HEAD.itemsize)[to] = heads.view(f"V{_HEAD.itemsize}")
-        batch.copy(rows, self.data, to + _HEAD.itemsize)
-        entries = np.empty((len(rows), 2), "<u8")
+        batch.copy(self.data, to + _HEAD.itemsize)
+        entries = np.empty((len(to), 2), "<u8")
         entries[:, 0], entries[:, 1] = heads["log_time"], to
         self.entries.setdefault(batch.channel, []).append(entries)
 
@@ -304,40 +297,35 @@ class McapWriter:
         order = np.argsort(np.concatenate([b.log_time_ns for b in batches]), kind="stable")
         sizes = np.concatenate([batch.record_sizes() for batch in batches])[order]
         ends = np.cumsum(sizes)
-        begins = np.cumsum([0, *map(len, batches)])
-        first = 0
-        while first < len(order):
-            before = ends[first] - sizes[first]
+        begins = np.empty_like(ends)
+        begins[order] = ends - sizes
+        places = np.split(begins, np.cumsum([len(batch) for batch in batches[:-1]]))
+        low, total = 0, int(ends[-1])
+        while low < total:  # bytes of all these records, chunk by chunk
             room = self._chunk_bytes - self._chunk.size
-            stop = int(np.searchsorted(ends, before + room, side="right"))
-            if stop == first and not self._chunk.size:
-                stop += 1
-            if stop > first:
-                part = slice(first, stop)
-                to = ends[part] - sizes[part] - before
-                self._place(batches, begins, order[part], to, sizes[part])
-            if stop < len(order):
+            fit = int(np.searchsorted(ends, low + room, side="right"))
+            high = max(low, int(ends[fit - 1])) if fit else low
+            if high == low and not self._chunk.size:
+                high = int(ends[np.searchsorted(ends, low, side="right")])
+            if high > low:
+                self._place(batches, places, low, high)
+            if high < total:
                 self._send()
-            first = stop
+            low = high
 
     def _place(
-        self,
-        batches: Sequence[Batch],
-        begins: NDArray[np.intp],
-        rows: NDArray[np.intp],
-        to: NDArray[np.int64],
-        sizes: NDArray[np.int64],
+        self, batches: Sequence[Batch], places: Sequence[NDArray[np.int64]], low: int, high: int
     ) -> None:
-        """Lay down some rows of all batches, which have number `begins` on, in the chunk."""
-        owner = np.searchsorted(begins, rows, side="right") - 1
-        found = [np.flatnonzero(owner == k) for k in range(len(batches))]
-        for batch, mine in zip(batches, found, strict=True):
-            if len(mine):
+        """Lay down in the chunk the records whose places are from `low` to `high`."""
+        parts = []
+        for batch, place in zip(batches, places, strict=True):
+            rows = slice(*np.searchsorted(place, (low, high)).tolist())
+            if rows.stop > rows.start:
                 self._chunk.add(self._description(batch.channel))
-        to = to + self._chunk.grow(int(sizes.sum()))
-        for batch, begin, mine in zip(batches, begins, found, strict=False):
-            if len(mine):
-                self._chunk.place(batch, rows[mine] - begin, to[mine], sizes[mine])
+                parts.append((batch[rows], place[rows]))
+        begin = self._chunk.grow(high - low)
+        for batch, place in parts:
+            self._chunk.place(batch, place - low + begin)
 
     def add_metadata(self, name: str, values: Mapping[str, str]) -> None:
         """Add a metadata record."""
@@ -375,13 +363,16 @@ class McapWriter:
         return _bytes(*(record for record in new.values() if record is not None))
 
     def _counted(self, batch: Batch) -> Batch:
-        """Count a batch's messages; fill in its sequence and bring its bytes in one piece."""
+        """Count a batch's messages; fill in their sequence and put them in order of log time."""
         before = self._counts[batch.channel]
         self._counts[batch.channel] += len(batch)
         sequence = batch.sequence
         if sequence is None:
             sequence = (before + np.arange(len(batch))).astype(np.uint32)
-        return replace(batch, sequence=sequence, data=np.ascontiguousarray(batch.data))
+        batch = replace(batch, sequence=sequence, data=np.ascontiguousarray(batch.data))
+        if (batch.log_time_ns[1:] < batch.log_time_ns[:-1]).any():
+            batch = batch[np.argsort(batch.log_time_ns, kind="stable")]
+        return batch
 
     def _send(self) -> None:
         """Hand the chunk to the pool and take an empty one, as soon as there is one."""

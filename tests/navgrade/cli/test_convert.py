@@ -276,3 +276,25 @@ def test_what_makes_no_sense_for_a_log_is_refused(
 def test_a_missing_input_is_named(bench: Bench, options: Sequence[str]) -> None:
     one_sentence(convert(bench, "out.mcap", *options), str(bench.log))
     assert list(bench.folder.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    "option",
+    [
+        *(
+            "INPUT",
+            "--output",
+            "--config",
+            "--imu-topic",
+            "--kind",
+            "--axes",
+            "--strict",
+            "--topic",
+        ),
+        *("--start-s", "--end-s", "--overwrite", "--time", "--time-unit", "--epoch", "--gyro"),
+        *("--accel", "--interval", "--interval-unit", "--gyro-unit", "--accel-unit"),
+        "--delimiter",
+    ],
+)
+def test_help_names_every_option(option: str) -> None:
+    assert f"{option} " in navgrade("convert", "--help").out

@@ -194,6 +194,11 @@ def test_an_empty_topic_is_listed(bench: Bench) -> None:
     assert row_of(inspect(bench), "/imu/empty")[:4] == ["0", "-", "-", "-"]
 
 
+@pytest.mark.parametrize("option", ["--deep", "--json", "LOG.mcap"])
+def test_help_names_every_option(option: str) -> None:
+    assert option in navgrade("inspect", "--help").out
+
+
 def test_names_in_brackets_are_printed_as_they_are(bench: Bench) -> None:
     bench.write(
         imu_channel(resting(1.0, RATE), "/imu[0]"), attachment=("notes[draft].txt", b"hello")
@@ -466,6 +471,33 @@ def test_damage_is_told_with_its_place_and_what_it_cost(bench: Bench) -> None:
     assert (issue["offset"], issue["kind"], issue["messages"]) == (chunk.start - 9, "chunk", lost)
     assert (issue["start_ns"], issue["end_ns"]) == (start_ns, end_ns)
     assert topic_of(report(bench, "--deep"))["messages"] == 1001 - lost
+
+
+def test_a_second_look_at_repeats_forgets_no_damage(bench: Bench) -> None:
+    """The repeats are in one topic, the damaged chunk held another alone."""
+    drive = resting(20.0, RATE)
+    late = drive.rows(np.sort(np.concatenate([np.arange(600, 1001), [700]])))
+    bench.write(
+        imu_channel(drive.rows(slice(0, 500)), "/early"),
+        imu_channel(late, "/late"),
+        chunk_bytes=30_000,
+        attachment=("notes.txt", b"hello"),
+    )
+    damage_chunk(bench.log, 2)
+    found = report(bench, "--deep")
+    assert topic_of(found, "/late")["stamps"]["exact_repeats"] == 1
+    assert [issue["kind"] for issue in found["issues"]] == ["chunk"]
+    assert [attachment["name"] for attachment in found["attachments"]] == ["notes.txt"]
+
+
+def test_the_rate_of_messages_whose_stamps_were_never_set_is_that_by_log_time(
+    bench: Bench,
+) -> None:
+    unset = restamped(np.zeros(1001, np.int64))
+    bench.write(imu_channel(unset, log_ns=regular()), chunk_bytes=30_000)
+    found = topic_of(report(bench, "--deep"))
+    assert found["rate_hz"] == RATE
+    assert found["stamps"]["repeats"] == 1000
 
 
 def test_a_cut_file_is_read_whole_and_told(bench: Bench) -> None:

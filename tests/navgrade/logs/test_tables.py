@@ -216,6 +216,19 @@ def test_a_fault_is_named_by_its_line(path: Path, name: str) -> None:
     assert str(caught.value).startswith(str(path))
 
 
+@pytest.mark.parametrize("closed", [True, False])
+def test_a_quotation_that_goes_on_in_the_next_line_swallows_nothing(
+    path: Path, closed: bool
+) -> None:
+    """In a column of no interest, where it would hide a whole line."""
+    lines = text_of([(*HEADER, "note"), *([*row, "ok"] for row in rows_of(9))]).splitlines()
+    lines[4] = lines[4].replace("ok", '"not')
+    if closed:
+        lines[5] = lines[5].replace("ok", 'so"')
+    with pytest.raises(LogError, match="line 5: a quotation mark is not closed"):
+        read(write(path, "\n".join(lines)))
+
+
 def test_a_fault_far_down_and_below_blank_lines_is_named_by_its_line(path: Path) -> None:
     lines = text_of([HEADER, *rows_of(30_000)]).splitlines()
     lines[100:100] = ["", ""]
