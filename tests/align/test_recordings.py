@@ -31,8 +31,8 @@ EACH_LN100 = pytest.mark.parametrize(
 )
 
 
-def read(folder: Path, name: str, axes: str) -> navgrade.ImuSamples:
-    return navgrade.read_imu(folder / name, kind="average", axes=axes)
+def read(folder: Path, name: str, axes: str, topic: str | None = None) -> navgrade.ImuSamples:
+    return navgrade.read_imu(folder / name, topic, kind="average", axes=axes)
 
 
 def part(samples: navgrade.ImuSamples, start: float, stop: float) -> tuple[Array, Array, Array]:
@@ -142,6 +142,6 @@ def test_a_driving_car_is_not_still(shared_data: Path, start: float, stop: float
 
 
 def test_a_stream_without_gravity_is_recognised(shared_data: Path) -> None:
-    samples = read(shared_data, "novatel_oem7_parked.mcap", "FRD")
+    samples = read(shared_data, "novatel_oem7_parked.mcap", "FRD", "/gps/imu")
     with pytest.raises(AlignmentError, match="gravity has been removed"):
         check_units_at_rest(samples.gyro.mean(0), samples.accel.mean(0), CALGARY[0])

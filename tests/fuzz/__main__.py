@@ -48,7 +48,7 @@ def killed(count: int, seed: int) -> int:
     """Runs of a log of five minutes, killed while they write."""
     folder = Path(tempfile.mkdtemp(prefix="navgrade-kill-"))
     print(f"in {folder}, which stays when a run leaves what it must not")
-    found = kill(finish(folder, seconds=300.0), count, seed)
+    found = kill(*finish(folder, seconds=300.0), count, seed)
     shutil.rmtree(folder)
     print(f"{count} runs killed while they wrote, seed {seed}; they left")
     for what, number in found.most_common():

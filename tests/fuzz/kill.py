@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import io
+import math
 import subprocess
 import sys
 import time
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from random import Random
 
@@ -47,6 +48,13 @@ class Run:
         while process.poll() is None and not self.part.exists():
             time.sleep(1e-3)
         return process
+
+    def written(self) -> float:
+        """Bytes in the part, without end when it has become the output."""
+        try:
+            return self.part.stat().st_size
+        except FileNotFoundError:
+            return math.inf
 
     def clear(self) -> None:
         """Remove what it left."""
@@ -136,36 +144,29 @@ def left_behind(run: Run, reference: Topics) -> str:
     return "a part with whole chunks" if count else "a part without a whole chunk"
 
 
-@dataclass(frozen=True)
-class Finished:
-    """A run that was not killed: what it wrote, and how long it took to write it (s)."""
-
-    run: Run
-    reference: Topics
-    duration: float
-
-
-def finish(folder: Path, seconds: float) -> Finished:
-    """Run over a log of so many seconds, to the end."""
+def finish(folder: Path, seconds: float) -> tuple[Run, Topics]:
+    """Run over a log of so many seconds to the end; what it wrote."""
     run = prepare(folder, seconds)
-    process = run.start()
-    began = time.perf_counter()
-    while process.poll() is None and not run.out.exists():
-        time.sleep(1e-3)
-    duration = time.perf_counter() - began
-    assert process.wait() == 0
-    return Finished(run, by_official(run.out), duration)
+    assert run.start().wait() == 0
+    return run, by_official(run.out)
 
 
-def kill(finished: Finished, count: int, seed: int) -> Counter[str]:
-    """Kill `count` runs of the same log at random moments of their writing."""
-    run, rng = finished.run, Random(seed)
+def kill(run: Run, reference: Topics, count: int, seed: int) -> Counter[str]:
+    """Kill `count` runs of a finished one at random moments of their writing.
+
+    A moment is a share of the bytes to be written, so that a machine with much else to do does
+    not move it.
+    """
+    size, rng = run.out.stat().st_size, Random(seed)
+    run = replace(run, out=run.out.with_name("killed.mcap"))
     found: Counter[str] = Counter()
     for k in range(count):
         run.clear()
         process = run.start()
-        time.sleep((k + rng.random()) / count * finished.duration)
+        wanted = (k + rng.random()) / count * size
+        while process.poll() is None and run.written() < wanted:
+            time.sleep(rng.uniform(0.0, 2e-3))
         process.kill()
         process.wait()
-        found[left_behind(run, finished.reference)] += 1
+        found[left_behind(run, reference)] += 1
     return found

@@ -435,6 +435,36 @@ def test_numbers_that_are_not_finite_are_counted(bench: Bench) -> None:
     assert topic_of(report(bench, "--deep"))["not_finite"]["count"] == 2
 
 
+EXT_SENSOR_TEXT = """\
+made_msgs/Block block_header
+float64 angular_rate_x
+float64 angular_rate_y
+float64 angular_rate_z
+float64 acceleration_x
+float64 acceleration_y
+float64 acceleration_z
+================
+MSG: made_msgs/Block
+uint32 tow
+uint16 wnc
+"""
+
+
+def test_messages_of_another_sensor_are_no_samples_that_are_not_finite(bench: Bench) -> None:
+    """Septentrio leaves rates NaN in the blocks of other sensors."""
+    rows = [[0.0, 0.0, 0.0, 0.0, 0.0, -9.8]] * 3
+    rows += [[np.nan] * 6, [0.0, 0.0, 0.0, np.nan, 0.0, 0.0]]
+    messages = [
+        b"\0\1\0\0" + struct.pack("<IH2x6d", 1000 * k, 2300, *row) for k, row in enumerate(rows)
+    ]
+    schema = "septentrio_gnss_driver/msg/ExtSensorMeas"
+    log_ns = [EPOCH_NS + k * SECOND for k in range(5)]
+    bench.write(Channel("/ext", schema, EXT_SENSOR_TEXT, messages, log_ns))
+    found = topic_of(report(bench, "--deep"), "/ext")
+    assert found["stamps"]["interval_s"] == 1.0
+    assert found["not_finite"] == {"count": 1, "first": [[4.0, 0.0]]}
+
+
 def test_a_topic_that_cannot_be_decoded_does_not_hide_the_others(bench: Bench) -> None:
     """Its definition promises more than its messages hold."""
     text = IMU_TEXT.split("geometry_msgs/Quaternion")[0] + IMU_TEXT[IMU_TEXT.index("====") :]
@@ -531,6 +561,21 @@ def test_a_file_whose_summary_does_not_suffice_is_read_whole(bench: Bench, name:
     assert topic_of(found, "/chatter")["messages"] == 5
     assert found["issues"] == []
     assert f"whole: {why}" in inspect(bench)
+
+
+def test_a_summary_without_counts_does_not_suffice(bench: Bench) -> None:
+    drive = resting(20.0, RATE)
+    with bench.log.open("wb") as stream:
+        writer = Writer(stream, chunk_size=30_000, use_statistics=False)
+        writer.start()
+        schema = writer.register_schema(IMU, "ros2msg", IMU_TEXT.encode())
+        channel = writer.register_channel("/imu/data_raw", "cdr", schema)
+        for time_ns, data in zip(drive.stamp_ns.tolist(), messages_of(drive), strict=True):
+            writer.add_message(channel, time_ns, data, time_ns)
+        writer.finish()
+    found = report(bench)
+    assert found["why_deep"] == "its summary has no statistics"
+    assert topic_of(found)["messages"] == 1001
 
 
 def test_a_file_without_message_indexes_still_needs_no_reading(bench: Bench) -> None:

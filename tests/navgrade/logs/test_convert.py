@@ -86,7 +86,9 @@ def test_averages_become_increments_by_their_intervals(tmp_path: Path) -> None:
     np.testing.assert_allclose(interval[1:], steps, rtol=0.0, atol=2 * np.spacing(30.0))
     values = np.concatenate([truth.gyro, truth.accel], axis=1) * interval[:, None]
     assert vectors(found, INCREMENT_PATHS[1:]).tobytes() == values.tobytes()
-    assert open_imu(tmp_path / "out.mcap").kind == "increment"
+    with (tmp_path / "out.mcap").open("rb") as stream:
+        (channel,) = make_reader(stream).get_summary().channels.values()
+    assert channel.metadata == {"imu.kind": "increment", "imu.axes": "FRD"}
 
 
 def test_instantaneous_rates_are_not_made_into_increments(tmp_path: Path) -> None:

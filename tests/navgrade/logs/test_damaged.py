@@ -8,7 +8,7 @@ import struct
 import threading
 import zlib
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -272,15 +272,14 @@ def flip_a_bit_that_matters(path: Path, chunk: Record) -> None:
     patched(path, begin, packed)
 
 
-@pytest.mark.parametrize("indexed", [True, False])
-@pytest.mark.parametrize("number", [0, 1, 3])
+@pytest.mark.parametrize(
+    ("number", "indexed"), [(0, True), (1, True), (3, True), (1, False), (3, False)]
+)
 @pytest.mark.parametrize("compression", COMPRESSIONS)
 def test_one_flipped_bit_costs_its_chunk(
     tmp_path: Path, compression: str, number: int, indexed: bool
 ) -> None:
     path = a_log(tmp_path / "a.mcap", compression=compression, **({} if indexed else NO_INDEX))
-    if not indexed and number == 0:
-        pytest.skip("the only description of the topic is in this chunk")
     chunks, chunk = rows_of_chunks(path), chunks_of(path)[number]
     flip_a_bit_that_matters(path, chunk)
 
@@ -317,8 +316,7 @@ def test_an_unknown_compression_costs_its_chunk(tmp_path: Path) -> None:
     strictly_refused(path)
 
 
-@pytest.mark.parametrize("indexed", [True, False])
-def test_several_defects_each_cost_their_own(tmp_path: Path, indexed: bool) -> None:
+def test_several_defects_each_cost_their_own(tmp_path: Path) -> None:
     """A damaged chunk, and the file cut in a later one."""
     path = a_log(tmp_path / "a.mcap", text_channel("/chatter"), compression="lz4")
     chunks = rows_of_chunks(path)
@@ -470,7 +468,7 @@ def test_a_lying_message_index_moves_no_value(tmp_path: Path, add: int) -> None:
     exactly(read(path), np.arange(COUNT))
 
 
-def test_attachments_and_metadata_outlive_a_damaged_chunk(tmp_path: Path) -> None:
+def test_attachments_outlive_a_damaged_chunk(tmp_path: Path) -> None:
     path = a_log(tmp_path / "a.mcap", attachment=("notes.txt", b"wind from the left"))
     chunk = chunks_of(path)[1]
     invert(path, chunk.start + chunk.length // 2)
@@ -576,13 +574,10 @@ def test_a_damaged_log_over_the_network_gives_the_same(
     path = a_log(tmp_path / "a.mcap", compression="lz4")
     chunks, (_, damaged, _, cut) = rows_of_chunks(path), chunks_of(path)
     invert(path, damaged.start + damaged.length // 2)
-    path.write_bytes(path.read_bytes()[: cut.start + cut.length // 2])
-    local = read(path)
-    remote = read(served(path)[0])
-    exactly(
-        remote,
-        np.concatenate(
-            [chunks[0], chunks[2], chunks[3][: len(local.rows) - len(chunks[0]) - len(chunks[2])]]
-        ),
-    )
-    assert [replace(issue) for issue in remote.issues] == local.issues
+    (begin, name), end = stored(path, cut), cut.start + cut.length // 2
+    path.write_bytes(path.read_bytes()[:end])
+    kept = whole_messages(unpacked(name, path.read_bytes()[begin:]))
+    found = read(served(path)[0])
+    exactly(found, np.concatenate([chunks[0], chunks[2], chunks[3][:kept]]))
+    assert found.issues == read(path).issues
+    assert [issue.kind for issue in found.issues] == ["chunk", "cut"]

@@ -155,11 +155,11 @@ def test_columns_of_no_interest_may_hold_anything(path: Path) -> None:
 
 
 def test_units_and_axes_are_turned_into_ours(path: Path) -> None:
-    """180 deg/s are pi rad/s; standard gravity is 9.80665 m/s^2; RFU to FRD swaps and flips."""
+    """180 deg/s are pi rad/s; standard gravity is 9.80665 m/s^2; DFR to FRD is a rotation."""
     rows = [["0", "180", "0", "0", "0", "0", "1"], ["1", "180", "0", "0", "0", "0", "1"]]
-    imu = read(write(path, text_of([HEADER, *rows])), gyro_unit="deg/s", accel_unit="g", axes="RFU")
-    np.testing.assert_allclose(imu.gyro[0], [0.0, np.pi, 0.0], rtol=1e-15, atol=0.0)
-    np.testing.assert_allclose(imu.accel[0], [0.0, 0.0, -9.80665], rtol=1e-15, atol=0.0)
+    imu = read(write(path, text_of([HEADER, *rows])), gyro_unit="deg/s", accel_unit="g", axes="DFR")
+    np.testing.assert_allclose(imu.gyro[0], [0.0, 0.0, np.pi], rtol=1e-15, atol=0.0)
+    np.testing.assert_allclose(imu.accel[0], [0.0, 9.80665, 0.0], rtol=1e-15, atol=0.0)
 
 
 def test_an_interval_is_read_in_its_unit(path: Path) -> None:
@@ -231,7 +231,11 @@ def test_a_quotation_that_goes_on_in_the_next_line_swallows_nothing(
 
 def test_a_fault_far_down_and_below_blank_lines_is_named_by_its_line(path: Path) -> None:
     lines = text_of([HEADER, *rows_of(30_000)]).splitlines()
-    lines[100:100] = ["", ""]
+    lines[100:100] = ["", " "]
+    lines[300] = f"{lines[300]},"
+    with pytest.raises(LogError, match="line 301: it has 8 columns"):
+        read(write(path, "\n".join(lines)))
+    lines[300] = lines[300][:-1]
     lines[25_000] = lines[25_000].replace(",", ",?", 1)
     with pytest.raises(LogError, match="line 25001: column gx"):
         read(write(path, "\n".join(lines)))
