@@ -44,6 +44,10 @@ PLACES = "navgrade/logs/poses.py"
 POSES = "tests/navgrade/logs/test_poses.py"
 WRITER = "navgrade/logs/container/writer.py"
 WRITTEN = "tests/navgrade/logs/test_writer.py"
+CONVERT = "navgrade/logs/convert.py"
+CONVERTED = "tests/navgrade/logs/test_convert.py"
+TABLES = "navgrade/logs/tables.py"
+READ_TABLES = "tests/navgrade/logs/test_tables.py"
 
 
 @dataclass(frozen=True)
@@ -554,6 +558,41 @@ MUTATIONS = (
         'entries[:, 0], entries[:, 1] = heads["log_time"], to',
         'entries[:, 0], entries[:, 1] = heads["log_time"], to + 1',
         (f"{WRITTEN}::test_every_entry_of_every_index_points_at_its_message",),
+    ),
+    Mutation(
+        "an average called an increment",
+        CONVERT,
+        "dtheta * samples.dt[:, None], dvel * samples.dt[:, None]",
+        "dtheta, dvel",
+        (f"{CONVERTED}::test_averages_become_increments_by_their_intervals",),
+    ),
+    Mutation(
+        "rates of a text file in body axes, called FLU",
+        CONVERT,
+        "samples.gyro @ to_sensor",
+        "samples.gyro",
+        (f"{CONVERTED}::test_rates_of_a_text_file_become_imu_messages_in_ros_axes",),
+    ),
+    Mutation(
+        "axes of a text file turned the wrong way",
+        TABLES,
+        "C_bs(self.axes).T * ACCEL_UNITS",
+        "C_bs(self.axes) * ACCEL_UNITS",
+        (f"{READ_TABLES}::test_units_and_axes_are_turned_into_ours",),
+    ),
+    Mutation(
+        "nanoseconds of a text file cut, not rounded",
+        TABLES,
+        "round(_EXACT.scaleb",
+        "int(_EXACT.scaleb",
+        (f"{READ_TABLES}::test_other_spellings_of_a_time",),
+    ),
+    Mutation(
+        "epoch of a text file, sign",
+        TABLES,
+        "+ self.epoch_ns for text",
+        "- self.epoch_ns for text",
+        (f"{READ_TABLES}::test_the_epoch_is_added_to_the_nanosecond",),
     ),
 )
 

@@ -296,6 +296,8 @@ def _why_deep(file: McapFile) -> str | None:
         return "it has no summary that can be trusted"
     if summary.statistics is None:
         return "its summary has no statistics"
+    if summary.statistics.message_count and not summary.channels:
+        return "its summary has no topics"
     if summary.statistics.message_count and not summary.chunk_indexes:
         return "its summary has no index of chunks"
     return None

@@ -281,18 +281,9 @@ def test_a_missing_input_is_named(bench: Bench, options: Sequence[str]) -> None:
 @pytest.mark.parametrize(
     "option",
     [
-        *(
-            "INPUT",
-            "--output",
-            "--config",
-            "--imu-topic",
-            "--kind",
-            "--axes",
-            "--strict",
-            "--topic",
-        ),
-        *("--start-s", "--end-s", "--overwrite", "--time", "--time-unit", "--epoch", "--gyro"),
-        *("--accel", "--interval", "--interval-unit", "--gyro-unit", "--accel-unit"),
+        *("INPUT", "--output", "--config", "--imu-topic", "--kind", "--axes", "--strict"),
+        *("--topic", "--start-s", "--end-s", "--overwrite", "--time", "--time-unit", "--epoch"),
+        *("--gyro", "--accel", "--interval", "--interval-unit", "--gyro-unit", "--accel-unit"),
         "--delimiter",
     ],
 )

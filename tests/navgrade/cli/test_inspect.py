@@ -563,10 +563,15 @@ def test_a_file_whose_summary_does_not_suffice_is_read_whole(bench: Bench, name:
     assert f"whole: {why}" in inspect(bench)
 
 
-def test_a_summary_without_counts_does_not_suffice(bench: Bench) -> None:
+@pytest.mark.parametrize(
+    ("left_out", "why"), [("use_statistics", "statistics"), ("repeat_channels", "topics")]
+)
+def test_a_summary_without_counts_or_topics_does_not_suffice(
+    bench: Bench, left_out: str, why: str
+) -> None:
     drive = resting(20.0, RATE)
     with bench.log.open("wb") as stream:
-        writer = Writer(stream, chunk_size=30_000, use_statistics=False)
+        writer = Writer(stream, chunk_size=30_000, **{left_out: False})
         writer.start()
         schema = writer.register_schema(IMU, "ros2msg", IMU_TEXT.encode())
         channel = writer.register_channel("/imu/data_raw", "cdr", schema)
@@ -574,7 +579,7 @@ def test_a_summary_without_counts_does_not_suffice(bench: Bench) -> None:
             writer.add_message(channel, time_ns, data, time_ns)
         writer.finish()
     found = report(bench)
-    assert found["why_deep"] == "its summary has no statistics"
+    assert found["why_deep"] == f"its summary has no {why}"
     assert topic_of(found)["messages"] == 1001
 
 
