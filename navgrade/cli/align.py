@@ -18,7 +18,7 @@ from navgrade.site import read_site
 @source_options
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def command(
-    log: Path,
+    log: str | Path,
     site_file: Path,
     imu_topic: str | None,
     kind: str | None,

@@ -24,7 +24,7 @@ _LISTED = 5
 @log_argument
 @click.option("--deep", is_flag=True, help="Read every message and find every defect.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
-def command(log: Path, deep: bool, as_json: bool) -> None:
+def command(log: str | Path, deep: bool, as_json: bool) -> None:
     """Report what LOG holds, which topic is the IMU, and what is wrong.
 
     Takes the summary at the end of the file and the first and last messages of each topic. A file

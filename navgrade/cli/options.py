@@ -10,7 +10,13 @@ import click
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-log_argument = click.argument("log", type=click.Path(path_type=Path), metavar="LOG.mcap")
+
+def _path_or_url(context: click.Context, parameter: click.Parameter, value: str) -> str | Path:
+    """Keep a URL as it is: a path would lose one of its slashes."""
+    return value if "://" in value else Path(value)
+
+
+log_argument = click.argument("log", metavar="LOG.mcap", callback=_path_or_url)
 
 _SITE = click.option(
     "-c",

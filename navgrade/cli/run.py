@@ -51,7 +51,7 @@ from navgrade.site import read_site
 @click.option("--bridge-gaps", is_flag=True, help="Interpolate across gaps instead of stopping.")
 @click.option("--overwrite", is_flag=True, help="Replace OUT.mcap.")
 def command(
-    log: Path,
+    log: str | Path,
     site_file: Path,
     imu_topic: str | None,
     kind: str | None,

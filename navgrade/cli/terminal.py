@@ -23,7 +23,7 @@ def warn(text: str) -> None:
 
 
 @contextmanager
-def progress_bar(what: str, file: Path) -> Iterator[Callable[[int], None]]:
+def progress_bar(what: str, file: str | Path) -> Iterator[Callable[[int], None]]:
     """A bar on a terminal; yields the function that takes the bytes of the file read so far."""
     bar = Progress(
         TextColumn(what),
@@ -35,5 +35,6 @@ def progress_bar(what: str, file: Path) -> Iterator[Callable[[int], None]]:
         disable=not console.is_terminal,
     )
     with bar:
-        task = bar.add_task("", total=file.stat().st_size if file.is_file() else None)
+        known = isinstance(file, Path) and file.is_file()
+        task = bar.add_task("", total=Path(file).stat().st_size if known else None)
         yield lambda done: bar.update(task, completed=done)

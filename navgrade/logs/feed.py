@@ -197,7 +197,9 @@ def _numbers(fields: Fields, paths: tuple[str, ...], width: int) -> NDArray[Any]
 
 def _vector(fields: Fields, vector: Vector, width: int, what: str, refuse: Refuse) -> Array:
     values = _numbers(fields, _paths(vector), width).astype(np.float64)
-    if not np.isfinite(values.sum()):
+    with np.errstate(invalid="ignore"):  # infinities of both signs
+        finite = np.isfinite(values.sum())
+    if not finite:
         refuse(
             np.any(~np.isfinite(values), axis=1), lambda k: f"the {what} is {values[k]}, not finite"
         )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from decimal import Context, Decimal
 from itertools import islice
@@ -265,8 +265,11 @@ class _Lines:
 
     def __init__(self, layout: _Layout, texts: list[str], first: int) -> None:
         self._layout = layout
-        self._numbers = [k for k, text in enumerate(texts, first) if not text.isspace()]
-        texts = [text for text in texts if not text.isspace()]
+        self._numbers: Sequence[int] = range(first, first + len(texts))
+        if any(map(str.isspace, texts)):
+            held = [k for k, text in enumerate(texts) if not text.isspace()]
+            self._numbers = [first + k for k in held]
+            texts = [texts[k] for k in held]
         try:
             self._rows = np.loadtxt(
                 texts,

@@ -330,3 +330,19 @@ def test_a_wrong_call_shows_the_usage(arguments: tuple[str, ...]) -> None:
     assert outcome.code == 2
     assert outcome.err.startswith("Usage: navgrade")
     assert "Traceback" not in outcome.err
+
+
+def test_a_log_at_a_url_is_navigated_like_a_file(bench: Bench) -> None:
+    fsspec = pytest.importorskip("fsspec", reason="fsspec is not installed: extra `remote`")
+    bench.write(imu_channel(resting(20.0, sway_from_s=10.5)), site=SITE)
+    bench.accepted()
+    expected, _ = bench.stamps_and_status()
+    last = bench.messages()[-1]
+    fsspec.filesystem("memory").pipe("/drive.mcap", bench.log.read_bytes())
+    url = "memory://drive.mcap"
+    outcome = call("run", url, "-c", bench.site, "-o", bench.out, "--overwrite")
+    assert outcome.code == 0, outcome
+    assert np.array_equal(bench.stamps_and_status()[0], expected)
+    assert str(bench.messages()[-1]) == str(last)
+    for command in (("inspect", url), ("align", url, "-c", bench.site)):
+        assert call(*command).code == 0
