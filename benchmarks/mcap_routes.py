@@ -134,13 +134,13 @@ def _write_official(path: Path, slabs: Iterator[tuple[list[int], bytes]]) -> int
     return sequence
 
 
-def write_ours(path: Path, slabs: Iterator[Imu]) -> int:
+def write_ours(path: Path, slabs: Iterator[Imu], threads: int = 2) -> int:
     """Write messages with this project's writer."""
     from navgrade.logs.container.writer import Batch, McapWriter
     from navgrade.logs.messages import Schema
 
     rows, done = blank(SLAB), 0
-    with McapWriter(path, overwrite=True) as writer:
+    with McapWriter(path, overwrite=True, threads=threads) as writer:
         channel = writer.add_channel(TOPIC, Schema(IMU, IMU_TEXT))
         for slab in slabs:
             writer.write(Batch(channel, slab.stamp_ns, fill(rows, slab)))
@@ -300,11 +300,14 @@ def _write_floor(path: Path, count: int) -> Work:
     return run
 
 
-def _write_ours(path: Path, count: int) -> Work:
-    import navgrade.logs.container.writer  # noqa: F401  not in the time
+def _write_ours(threads: int) -> Callable[[Path, int], Work]:
+    def prepare(path: Path, count: int) -> Work:
+        import navgrade.logs.container.writer  # noqa: F401  not in the time
 
-    imu = noisy(0, count)
-    return lambda: write_ours(path, imu.slabs())
+        imu = noisy(0, count)
+        return lambda: write_ours(path, imu.slabs(), threads)
+
+    return prepare
 
 
 def _write_ready(path: Path, count: int) -> Work:
@@ -389,7 +392,8 @@ READERS = {
 WRITE_FLOOR, WRITE_OURS, WRITE_PEER = "write floor", "write ours", "write documented"
 WRITERS = {
     WRITE_FLOOR: Route("floor: CRC, zstd level 1 and write of ready bytes", _write_floor),
-    WRITE_OURS: Route("**navgrade, from arrays**", _write_ours),
+    WRITE_OURS: Route("**navgrade, from arrays, 1 thread**", _write_ours(1)),
+    "write two": Route("**navgrade, from arrays, 2 threads**", _write_ours(2)),
     "write ready": Route("mcap, ready bytes", _write_ready, slow=True),
     WRITE_PEER: Route(
         "mcap-ros2-support, ready dictionaries (a tenth of them)",

@@ -78,9 +78,9 @@ _WRITING = """
 ## Writing
 
 The same messages from arrays of stamps, rates and forces. Every file is brought to the disk
-(`fsync`) within its time. The floor writes ready records without indexes and summary. navgrade
-compresses on two threads. "Grown" is what came after the arrays were ready. mcap-ros2-support
-writes a tenth, and its times are multiplied by ten.
+(`fsync`) within its time. The floor writes ready records without indexes and summary, on one
+thread. "Grown" is what came after the arrays were ready. mcap-ros2-support writes a tenth, and its
+times are multiplied by ten.
 
 """
 _BROWSING = """
@@ -370,7 +370,7 @@ def _navigating(folder: Path, samples: int, long: bool) -> str:
     if long:
         (hour_s, hour_mb), (ten_s, ten_mb) = taken[samples], taken[10 * samples]
         text += _wanted(
-            ("times as long for a log ten times longer", ten_s / hour_s, "10"),
+            ("times as long for a log ten times longer", ten_s / hour_s, "at most 10"),
             ("MB more", ten_mb - hour_mb, "none"),
         ).lstrip()
     return text

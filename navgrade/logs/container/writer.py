@@ -44,7 +44,6 @@ _HEAD = np.dtype(  # of a message record, before the message itself
 )
 _ROWS = 1 << 15  # messages placed at a time
 _THREADS = 2
-_CHUNKS = _THREADS + 2  # one being filled, one waiting
 _COMPRESSORS: dict[str, Callable[[int], Callable[[memoryview], bytes | memoryview]]] = {
     "zstd": lambda level: zstandard.ZstdCompressor(level=level).compress,
     "lz4": lambda level: partial(lz4.frame.compress, compression_level=level),
@@ -198,6 +197,8 @@ class McapWriter:
         Of the compression.
     chunk_bytes : int
         Size of a chunk before compression; one longer message makes a longer chunk.
+    threads : int
+        That compress and write; 1 is the caller's own.
     profile, library : str
 
     Raises
@@ -214,6 +215,7 @@ class McapWriter:
         compression: str = "zstd",
         level: int = 1,
         chunk_bytes: int = 1 << 20,
+        threads: int = _THREADS,
         profile: str = "ros2",
         library: str = "navgrade",
     ) -> None:
@@ -224,7 +226,7 @@ class McapWriter:
         self._chunk_bytes = chunk_bytes
         self._compression = "" if compression == "none" else compression
         self._free: SimpleQueue[_Chunk] = SimpleQueue()
-        for _ in range(_CHUNKS):
+        for _ in range(1 if threads == 1 else threads + 2):  # one being filled, one waiting
             self._free.put(_Chunk(chunk_bytes, _COMPRESSORS[compression](level)))
         self._chunk = self._free.get()
         self._schemas: dict[int, records.Schema] = {}
@@ -237,7 +239,7 @@ class McapWriter:
         self._part = self.path.with_name(self.path.name + ".part")
         self._stream = self._part.open("wb")
         self._size = self._crc = 0  # of what is written
-        self._pool = ThreadPoolExecutor(_THREADS)
+        self._pool = None if threads == 1 else ThreadPoolExecutor(threads)
         self._stored: Future[None] | None = None  # the last chunk sent to the pool
         self._put(MAGIC + _bytes(records.Header(profile, library)))
 
@@ -258,7 +260,8 @@ class McapWriter:
                 self._stream.close()
                 self._part.replace(self.path)
         finally:  # the part is gone unless it became the output
-            self._pool.shutdown(cancel_futures=True)
+            if self._pool:
+                self._pool.shutdown(cancel_futures=True)
             with suppress(OSError):
                 self._stream.close()
             self._part.unlink(missing_ok=True)
@@ -375,10 +378,13 @@ class McapWriter:
         return batch
 
     def _send(self) -> None:
-        """Hand the chunk to the pool and take an empty one, as soon as there is one."""
+        """Have the chunk packed and written, and take an empty one as soon as there is one."""
         if self._stored is not None and self._stored.done():
             self._stored.result()  # raises what went wrong
-        self._stored = self._pool.submit(self._store, self._chunk, self._stored)
+        if self._pool:
+            self._stored = self._pool.submit(self._store, self._chunk, self._stored)
+        else:
+            self._store(self._chunk, None)
         self._chunk = self._free.get()
 
     def _wait(self) -> None:
@@ -387,7 +393,7 @@ class McapWriter:
             self._stored.result()
 
     def _store(self, chunk: _Chunk, before: Future[None] | None) -> None:
-        """Pack a chunk and, after the one `before`, write it; done on a thread of the pool."""
+        """Pack a chunk and, after the one `before`, write it."""
         try:
             content = chunk.data[: chunk.size].data
             packed = chunk.compress(content)

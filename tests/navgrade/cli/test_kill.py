@@ -20,7 +20,7 @@ TOPIC = "/navgrade/solution"
 @pytest.fixture(scope="module")
 def finished(tmp_path_factory: pytest.TempPathFactory) -> tuple[Run, Topics]:
     """A run that was not killed."""
-    return finish(tmp_path_factory.mktemp("kill"), seconds=90.0)
+    return finish(tmp_path_factory.mktemp("kill"), seconds=60.0)
 
 
 @pytest.fixture
