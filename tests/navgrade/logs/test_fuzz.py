@@ -33,9 +33,9 @@ def test_what_mutations_start_from_is_read_whole(sample: Sample, route: str) -> 
 
 
 def test_mutated_logs_do_no_harm() -> None:
-    report = fuzz(2_000, seed=2, jobs=2, reader=by_navgrade)
+    report = fuzz(1_000, seed=2, jobs=2, reader=by_navgrade)
     assert not report.failures, next(iter(report.failures.items()))
-    assert sum(report.outcomes.values()) == 2_000
+    assert sum(report.outcomes.values()) == 1_000
     assert set(report.outcomes) == set(GOOD)
 
 
