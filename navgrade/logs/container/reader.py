@@ -299,7 +299,7 @@ class McapFile:
                 i not in self.channels or taker.wants(self.channels[i]) for i in ids
             )
 
-        trusting = self._source.remote or chunks is not None or windowed
+        trusting = self._source.remote or windowed
         walk = Walk(self._source, self._index, self._data_end, skip, self._defect, trusting)
         work = _Work(self, walk, taker, (low, high) if windowed else None)
         data_end: tuple[int, int] | None = None
