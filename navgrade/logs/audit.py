@@ -11,12 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from navgrade.errors import SchemaError
-from navgrade.logs.container import Columns, Issue, McapFile, Messages
+from navgrade.logs.container import ENCODINGS, Columns, Issue, McapFile, Messages
 from navgrade.logs.schemas import HEADER_STAMP, IMU_SCHEMAS, Clock, Condition, ImuSchema
 from navgrade.logs.stamps import Places, SequenceAudit, StampAudit
 from navgrade.logs.topics import (
     DEFAULT_AXES,
-    ENCODINGS,
     Topic,
     as_recorded,
     open_known,

@@ -25,12 +25,12 @@ from navgrade.imu import (
     intervals,
     nominal_interval,
 )
-from navgrade.logs.container import Issue, McapFile
+from navgrade.logs.container import SLOW_ENCODINGS, Issue, McapFile
 from navgrade.logs.container.source import open_source, read_at
 from navgrade.logs.feed import AccelPart, Feed, GyroPart, Part
 from navgrade.logs.schemas import ImuFields, ImuSchema
 from navgrade.logs.times import Joiner, Rows, join_rows, least_delay_ns
-from navgrade.logs.topics import DEFAULT_AXES, SLOW_ENCODINGS, choose_imu
+from navgrade.logs.topics import DEFAULT_AXES, choose_imu
 
 GYRO_UNITS = {"rad/s": 1.0, "deg/s": DEG_PER_S}
 ACCEL_UNITS = {"m/s^2": 1.0, "g": STANDARD_GRAVITY}

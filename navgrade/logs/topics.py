@@ -8,11 +8,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 from navgrade.errors import ConfigError, LogError, SchemaError
-from navgrade.logs.container import McapFile
+from navgrade.logs.container import ENCODINGS, McapFile
 from navgrade.logs.schemas import IMU_SCHEMAS, ImuFields, ImuSchema
 
-ENCODINGS = ("cdr", "ros1", "json", "protobuf")
-SLOW_ENCODINGS = ("json", "protobuf")
 DEFAULT_AXES = "FLU"  # REP-103
 KIND_KEY = "imu.kind"  # in a channel's metadata: what a recorder says of its samples
 AXES_KEY = "imu.axes"

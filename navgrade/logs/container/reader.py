@@ -46,6 +46,7 @@ from navgrade.logs.container.summary import MAGIC, PARSE_ERRORS, read_summary, s
 from navgrade.logs.container.walk import Issue, Small, Stretch, Walk
 
 _FAST = {"cdr": "ros2msg", "ros1": "ros1msg"}  # message encoding: schema encoding
+ENCODINGS = (*_FAST, *slow.SLOW_ENCODINGS)
 _JOB_BYTES = 1 << 22  # uncompressed, of the stretches decoded as one piece of work
 _REMOTE_BYTES = 1 << 25  # the same of a remote file: a request costs more than a cache
 _NEAR = 1 << 20  # bytes between stretches of a remote file that are read rather than left out
@@ -401,9 +402,9 @@ class McapFile:
 def _members(channel: Channel, schema: Schema | None) -> tuple[Member, ...]:
     wanted = _FAST.get(channel.message_encoding)
     if wanted is None:
-        known = ", ".join((*_FAST, *slow.SLOW))
         raise SchemaError(
-            f"message encoding {channel.message_encoding!r} is not read, only {known}"
+            f"message encoding {channel.message_encoding!r} is not read, only "
+            + ", ".join(ENCODINGS)
         )
     if schema is None:
         raise SchemaError("its messages have no schema, so nothing says what they hold")
@@ -577,7 +578,7 @@ class _ColumnTaker:
         paths = self._fields[channel.topic]
         if not paths:  # only the times are wanted, of any encoding
             return lambda rows: []
-        if channel.message_encoding in slow.SLOW:
+        if channel.message_encoding in slow.SLOW_ENCODINGS:
             decode = slow.decoder(channel.message_encoding, schema)
             return lambda rows: slow.columns(decode, _texts(rows), paths)
         encapsulated = channel.message_encoding == "cdr"

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from navgrade.errors import SchemaError
 
-SLOW = ("json", "protobuf")
+SLOW_ENCODINGS = ("json", "protobuf")
 _SECONDS = ("sec", "secs", "seconds")
 _NANOSECONDS = ("nanosec", "nsec", "nsecs", "nanos", "nanoseconds")
 _VECTORS = ("xyz", "xyzw", "xy")
