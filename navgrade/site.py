@@ -2,22 +2,17 @@
 
 from __future__ import annotations
 
-import difflib
-import math
 import re
-import tomllib
-from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from datetime import UTC, date, datetime
 from pathlib import Path
-from typing import Any, TypeVar
 
 import numpy as np
 
 from align import KnownHeading, SensorErrors
-from align.survey import parse_angle
 from earth.rotation import quat_from_euler
 from earth.units import DEG, DEG_PER_H, DEG_PER_RTH, UG, UG_PER_RTHZ
+from navgrade.config import Table, read_toml
 from navgrade.errors import ConfigError
 from navgrade.imu import DV_FRAMES, DvFrame
 from navgrade.logs import ImuFields
@@ -33,8 +28,6 @@ from navgrade.vertical import (
     Reference,
     gains_from_time_constant,
 )
-
-_Choice = TypeVar("_Choice", bound=str)
 
 DEFAULT_HEADING_SIGMA = 1.0 * DEG  # of a known heading whose sigma nobody states
 
@@ -176,100 +169,6 @@ class Site:
     baro: BaroSettings | None = None
 
 
-class _Table:
-    """One table of the file; takes its values with their types checked."""
-
-    def __init__(self, file: str, path: str, values: Any) -> None:
-        if not isinstance(values, Mapping):
-            raise ConfigError(f"{path} must be a table, [{path}]", file=file, key=path)
-        self.file = file
-        self.path = path
-        self.values = values
-        for key in values:
-            if key not in KEYS[path]:
-                raise self.error(key, self._unknown(key))
-
-    def _unknown(self, key: str) -> str:
-        near = difflib.get_close_matches(key, KEYS[self.path], n=1, cutoff=0.0)
-        where = f" in [{self.path}]" if self.path else ""
-        return f"unknown key{where}; the nearest allowed key is {near[0]}"
-
-    def error(self, key: str, text: str) -> ConfigError:
-        path = f"{self.path}.{key}" if self.path else key
-        return ConfigError(f"{path}: {text}", file=self.file, key=path)
-
-    def __contains__(self, key: str) -> bool:
-        return key in self.values
-
-    def text(self, key: str) -> str | None:
-        value = self.values.get(key)
-        if value is not None and not isinstance(value, str):
-            raise self.error(key, f"must be text, got {value!r}")
-        return value
-
-    def choice(self, key: str, allowed: Iterable[_Choice]) -> _Choice | None:
-        value = self.text(key)
-        choices = list(allowed)
-        for known in choices:
-            if value == known:
-                return known
-        if value is None:
-            return None
-        raise self.error(key, f"{value!r} is not one of {', '.join(choices)}")
-
-    def number(self, key: str, default: float | None = None, *, least: float = -math.inf) -> float:
-        value = self.values.get(key, default)
-        if value is None:
-            raise self.error(key, "is required")
-        if isinstance(value, bool) or not isinstance(value, (int, float)):
-            raise self.error(key, f"must be a number, got {value!r}")
-        if not math.isfinite(value) or value < least:
-            wanted = "finite" if least == -math.inf else f"finite and at least {least:g}"
-            raise self.error(key, f"must be {wanted}, got {value!r}")
-        return float(value)
-
-    def positive(self, key: str) -> float | None:
-        return self.number(key, least=0.0) if key in self else None
-
-    def latitude(self) -> float:
-        return self._angle("latitude", "N", "S", 90.0)
-
-    def longitude(self) -> float:
-        return self._angle("longitude", "E", "W", 360.0)
-
-    def _angle(self, key: str, positive: str, negative: str, limit_deg: float) -> float:
-        if key not in self:
-            raise self.error(key, "is required")
-        try:
-            angle = parse_angle(self.values[key], positive, negative)
-        except ValueError as error:
-            raise self.error(key, str(error)) from None
-        if not abs(angle) <= limit_deg * DEG:
-            raise self.error(
-                key, f"must be within ±{limit_deg:g} degrees, got {self.values[key]!r}"
-            )
-        return angle
-
-    def height(self) -> float:
-        ellipsoidal = "height_m" in self
-        orthometric = "orthometric_height_m" in self
-        if ellipsoidal and orthometric:
-            raise self.error("height_m", "give it or orthometric_height_m, not both")
-        if ellipsoidal and "geoid_height_m" in self:
-            raise self.error("geoid_height_m", "belongs to orthometric_height_m, not to height_m")
-        if ellipsoidal:
-            return self.number("height_m")
-        if orthometric:
-            if "geoid_height_m" not in self:
-                raise self.error(
-                    "orthometric_height_m",
-                    "is above sea level; navigation needs the height above the ellipsoid, so add "
-                    "geoid_height_m (undulation at the site) or give height_m",
-                )
-            return self.number("orthometric_height_m") + self.number("geoid_height_m")
-        raise self.error("height_m", "is required (above the ellipsoid)")
-
-
 _TIME = re.compile(r"^(?P<whole>[^.]+?)(?:\.(?P<fraction>\d{1,9}))?(?P<zone>Z|[+-]\d\d:?\d\d)?$")
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 
@@ -310,18 +209,9 @@ def read_site(path: str | Path) -> Site:
         Naming the file, the key and, for an unknown key, the nearest allowed one.
     """
     path = Path(path)
-    file = str(path)
-    try:
-        text = path.read_bytes()
-        values = tomllib.loads(text.decode())
-    except FileNotFoundError:
-        raise ConfigError("no such site file", file=file) from None
-    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
-        raise ConfigError(f"cannot be read: {error}", file=file) from None
-    root = _Table(file, "", values)
-    tables = {name: _Table(file, name, values[name]) for name in values}
-    imu = tables.get("imu", _Table(file, "imu", {}))
-    mechanization = tables.get("mechanization", _Table(file, "mechanization", {}))
+    root, text = read_toml(path, KEYS, "site file")
+    tables = {name: root.table(name) for name in KEYS[""]}
+    imu, mechanization = tables["imu"], tables["mechanization"]
     disturbance = mechanization.text("disturbance")
     place = window = initial = None
     if "initial" in root:
@@ -338,7 +228,7 @@ def read_site(path: str | Path) -> Site:
             alignment.number("start_s", 0.0, least=0.0), alignment.number("duration_s", least=2.0)
         )
     return Site(
-        file=file,
+        file=root.file,
         text=text,
         topic=imu.text("topic"),
         kind=imu.text("kind"),
@@ -349,7 +239,7 @@ def read_site(path: str | Path) -> Site:
         rate_hz=imu.positive("rate_hz"),
         fields=_fields(imu),
         dv_frame=imu.choice("dv_frame", DV_FRAMES),
-        errors=_errors(_Table(file, "imu.errors", imu.values.get("errors", {}))),
+        errors=_errors(imu.table("errors")),
         place=place,
         window=window,
         initial=initial,
@@ -358,14 +248,14 @@ def read_site(path: str | Path) -> Site:
         vertical=mechanization.text("vertical"),
         gravity=mechanization.text("gravity"),
         disturbance=None if disturbance is None else path.parent / disturbance,
-        baro=_baro(tables["baro"]) if "baro" in tables else None,
+        baro=_baro(tables["baro"]) if "baro" in root else None,
     )
 
 
-def _fields(imu: _Table) -> ImuFields | None:
+def _fields(imu: Table) -> ImuFields | None:
     if "fields" not in imu:
         return None
-    table = _Table(imu.file, "imu.fields", imu.values["fields"])
+    table = imu.table("fields")
 
     def vector(key: str) -> Vector:
         value = table.values.get(key)
@@ -386,7 +276,7 @@ def _fields(imu: _Table) -> ImuFields | None:
         raise ConfigError(str(error), file=table.file, key=error.key) from None
 
 
-def _errors(table: _Table) -> SensorErrors:
+def _errors(table: Table) -> SensorErrors:
     def scaled(key: str, unit: float) -> float | None:
         value = table.positive(key)
         return None if value is None else value * unit
@@ -399,7 +289,7 @@ def _errors(table: _Table) -> SensorErrors:
     )
 
 
-def _baro(table: _Table) -> BaroSettings:
+def _baro(table: Table) -> BaroSettings:
     for needed in ("topic", "quantity"):
         if "field" in table and needed not in table:
             raise table.error(needed, "is required beside field")
@@ -423,7 +313,7 @@ def _baro(table: _Table) -> BaroSettings:
     )
 
 
-def _place(table: _Table) -> Place:
+def _place(table: Table) -> Place:
     heading = None
     if "heading_deg" in table:
         sigma = table.positive("heading_sigma_deg")
@@ -436,7 +326,7 @@ def _place(table: _Table) -> Place:
     return Place(table.latitude(), table.longitude(), table.height(), heading)
 
 
-def _initial(table: _Table) -> Initial:
+def _initial(table: Table) -> Initial:
     if ("time" in table) == ("time_ns" in table):
         raise table.error("time", "give time or time_ns, one of them")
     if "time_ns" in table:

@@ -1,0 +1,153 @@
+"""TOML files people write: read, and their values checked."""
+
+from __future__ import annotations
+
+import difflib
+import math
+import tomllib
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, TypeVar
+
+from align.survey import parse_angle
+from earth.units import DEG
+from navgrade.errors import ConfigError
+
+_Choice = TypeVar("_Choice", bound=str)
+Keys = Mapping[str, Sequence[str]]
+
+
+class Table:
+    """One table of a TOML file; takes its values with their types checked.
+
+    Parameters
+    ----------
+    file : str
+        For messages.
+    path : str
+        Dotted name of the table; empty for the whole file.
+    values : mapping
+    keys : mapping of str to sequence of str
+        The keys each table may hold, by its path.
+
+    Raises
+    ------
+    ConfigError
+        Here and in every method: naming the file, the key and, for an unknown key, the nearest
+        allowed one.
+    """
+
+    def __init__(self, file: str, path: str, values: Any, keys: Keys) -> None:
+        if not isinstance(values, Mapping):
+            raise ConfigError(f"{path} must be a table, [{path}]", file=file, key=path)
+        self.file = file
+        self.path = path
+        self.values = values
+        self._keys = keys
+        for key in values:
+            if key not in keys[path]:
+                raise self.error(key, self._unknown(key))
+
+    def _unknown(self, key: str) -> str:
+        near = difflib.get_close_matches(key, self._keys[self.path], n=1, cutoff=0.0)
+        where = f" in [{self.path}]" if self.path else ""
+        return f"unknown key{where}; the nearest allowed key is {near[0]}"
+
+    def error(self, key: str, text: str) -> ConfigError:
+        path = f"{self.path}.{key}" if self.path else key
+        return ConfigError(f"{path}: {text}", file=self.file, key=path)
+
+    def table(self, key: str) -> Table:
+        """The table under a key; an empty one where there is none."""
+        path = f"{self.path}.{key}" if self.path else key
+        return Table(self.file, path, self.values.get(key, {}), self._keys)
+
+    def __contains__(self, key: str) -> bool:
+        return key in self.values
+
+    def text(self, key: str) -> str | None:
+        value = self.values.get(key)
+        if value is not None and not isinstance(value, str):
+            raise self.error(key, f"must be text, got {value!r}")
+        return value
+
+    def choice(self, key: str, allowed: Iterable[_Choice]) -> _Choice | None:
+        value = self.text(key)
+        choices = list(allowed)
+        for known in choices:
+            if value == known:
+                return known
+        if value is None:
+            return None
+        raise self.error(key, f"{value!r} is not one of {', '.join(choices)}")
+
+    def number(self, key: str, default: float | None = None, *, least: float = -math.inf) -> float:
+        value = self.values.get(key, default)
+        if value is None:
+            raise self.error(key, "is required")
+        if isinstance(value, bool) or not isinstance(value, (int, float)):
+            raise self.error(key, f"must be a number, got {value!r}")
+        if not math.isfinite(value) or value < least:
+            wanted = "finite" if least == -math.inf else f"finite and at least {least:g}"
+            raise self.error(key, f"must be {wanted}, got {value!r}")
+        return float(value)
+
+    def positive(self, key: str) -> float | None:
+        return self.number(key, least=0.0) if key in self else None
+
+    def latitude(self) -> float:
+        return self._angle("latitude", "N", "S", 90.0)
+
+    def longitude(self) -> float:
+        return self._angle("longitude", "E", "W", 360.0)
+
+    def _angle(self, key: str, positive: str, negative: str, limit_deg: float) -> float:
+        if key not in self:
+            raise self.error(key, "is required")
+        try:
+            angle = parse_angle(self.values[key], positive, negative)
+        except ValueError as error:
+            raise self.error(key, str(error)) from None
+        if not abs(angle) <= limit_deg * DEG:
+            raise self.error(
+                key, f"must be within ±{limit_deg:g} degrees, got {self.values[key]!r}"
+            )
+        return angle
+
+    def height(self) -> float:
+        ellipsoidal = "height_m" in self
+        orthometric = "orthometric_height_m" in self
+        if ellipsoidal and orthometric:
+            raise self.error("height_m", "give it or orthometric_height_m, not both")
+        if ellipsoidal and "geoid_height_m" in self:
+            raise self.error("geoid_height_m", "belongs to orthometric_height_m, not to height_m")
+        if ellipsoidal:
+            return self.number("height_m")
+        if orthometric:
+            if "geoid_height_m" not in self:
+                raise self.error(
+                    "orthometric_height_m",
+                    "is above sea level; navigation needs the height above the ellipsoid, so add "
+                    "geoid_height_m (undulation at the site) or give height_m",
+                )
+            return self.number("orthometric_height_m") + self.number("geoid_height_m")
+        raise self.error("height_m", "is required (above the ellipsoid)")
+
+
+def read_toml(path: Path, keys: Keys, what: str) -> tuple[Table, bytes]:
+    """The whole file as a table, and its text as read.
+
+    Raises
+    ------
+    ConfigError
+        Where there is no such file, or it is not TOML; `what` names its kind.
+    """
+    file = str(path)
+    try:
+        text = path.read_bytes()
+        values = tomllib.loads(text.decode())
+    except FileNotFoundError:
+        raise ConfigError(f"no such {what}", file=file) from None
+    except (OSError, UnicodeDecodeError, tomllib.TOMLDecodeError) as error:
+        raise ConfigError(f"cannot be read: {error}", file=file) from None
+    return Table(file, "", values, keys), text

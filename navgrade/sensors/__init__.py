@@ -1,0 +1,1 @@
+"""What a real IMU adds to the truth."""
