@@ -22,6 +22,7 @@ if TYPE_CHECKING:
         write_solution,
     )
     from navgrade.logs.topics import Topic, list_topics
+    from navgrade.logs.tracks import Track, read_track_csv, track_of
 
 _HOMES = {
     "Aiding": "navgrade.logs.aiding",
@@ -34,13 +35,16 @@ _HOMES = {
     "SolutionWriter": "navgrade.logs.solution",
     "Topic": "navgrade.logs.topics",
     "TopicCopy": "navgrade.logs.copying",
+    "Track": "navgrade.logs.tracks",
     "check_output": "navgrade.logs.container.writer",
     "list_topics": "navgrade.logs.topics",
     "open_imu": "navgrade.logs.imu_log",
     "read_aiding": "navgrade.logs.aiding",
     "read_heights": "navgrade.logs.heights",
     "read_imu": "navgrade.logs.imu_log",
+    "read_track_csv": "navgrade.logs.tracks",
     "sha256": "navgrade.logs.imu_log",
+    "track_of": "navgrade.logs.tracks",
     "write_increments": "navgrade.logs.convert",
     "write_solution": "navgrade.logs.solution",
 }
@@ -56,13 +60,16 @@ __all__ = [
     "SolutionWriter",
     "Topic",
     "TopicCopy",
+    "Track",
     "check_output",
     "list_topics",
     "open_imu",
     "read_aiding",
     "read_heights",
     "read_imu",
+    "read_track_csv",
     "sha256",
+    "track_of",
     "write_increments",
     "write_solution",
 ]
