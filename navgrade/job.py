@@ -274,6 +274,20 @@ def _initial_state(log: ImuLog, initial: Initial) -> NavState:
     )
 
 
+def starting_state(log: ImuLog, site: Site) -> tuple[NavState, AlignedWindow | None]:
+    """The state a run starts from: the site file's, or that of the alignment.
+
+    Raises
+    ------
+    ConfigError, AlignmentError
+        See `align_log`.
+    """
+    if site.initial is not None:
+        return _initial_state(log, site.initial), None
+    aligned = align_log(log, site)
+    return aligned.state, aligned
+
+
 def run(
     log: ImuLog,
     site: Site,
@@ -334,14 +348,9 @@ def run(
         raise ConfigError(f"the output {output} is the input log")
     check_output(output, overwrite=overwrite)
     copy = TopicCopy(log.path, copy_topics, strict=choices.strict) if copy_topics else None
-    alignment = None
-    if site.initial is not None:
-        state = _initial_state(log, site.initial)
-    else:
-        alignment = align_log(log, site)
-        state = alignment.state
-        if aligned:
-            aligned(alignment)
+    state, alignment = starting_state(log, site)
+    if alignment is not None and aligned:
+        aligned(alignment)
     summary = RunSummary(output, log, alignment, reconstruction, frame, vertical, gravity, state)
     of_heights: list[Issue] = []
     aid = None
