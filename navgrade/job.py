@@ -335,10 +335,10 @@ def run(
     output = Path(output)
     known = log.notes
     began = time.perf_counter()
-    reconstruction = _choose("reconstruction", choices, site, body.RECONSTRUCTIONS, body.DEFAULT)
-    frame = _choose("frame", choices, site, frames.MECHANIZATIONS, frames.DEFAULT)
-    vertical = _choose("vertical", choices, site, frames.VERTICAL, "free")
-    gravity = _choose("gravity", choices, site, GRAVITY_MODELS, earth_gravity.DEFAULT)
+    reconstruction = choose("reconstruction", choices, site, body.RECONSTRUCTIONS, body.DEFAULT)
+    frame = choose("frame", choices, site, frames.MECHANIZATIONS, frames.DEFAULT)
+    vertical = choose("vertical", choices, site, frames.VERTICAL, "free")
+    gravity = choose("gravity", choices, site, GRAVITY_MODELS, earth_gravity.DEFAULT)
     disturbance = _disturbance(site)
     if rate_hz is not None and not (np.isfinite(rate_hz) and rate_hz > 0.0):
         raise ConfigError(f"the output rate must be positive, got {rate_hz!r} Hz")
@@ -398,7 +398,7 @@ def run(
     return summary
 
 
-def _choose(name: str, choices: Choices, site: Site, allowed: Iterable[str], default: str) -> str:
+def choose(name: str, choices: Choices, site: Site, allowed: Iterable[str], default: str) -> str:
     """The command line's choice, else the site file's, else the default; checked."""
     given, filed = getattr(choices, name), getattr(site, name)
     value: str = next(choice for choice in (given, filed, default) if choice is not None)

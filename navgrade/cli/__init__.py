@@ -13,6 +13,7 @@ import click
 _COMMANDS = {
     "run": "Align on a log's still part and navigate through the rest.",
     "align": "Print the alignment report alone.",
+    "compare": "Say what a flat world and each term of the Earth cost on a log.",
     "inspect": "List topics, rates and defects of a log.",
     "convert": "Turn a log into increments or a table, or a table into a log.",
 }

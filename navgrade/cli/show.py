@@ -7,6 +7,8 @@ import numpy as np
 from earth.rotation import euler_from_quat
 from earth.units import DEG, DEG_PER_H
 from navgrade.cli.terminal import console, row, warn
+from navgrade.compare.result import Comparison
+from navgrade.compare.verdict import length_text, time_text
 from navgrade.job import AlignedWindow, RunSummary
 from navgrade.logs import ImuLog
 
@@ -83,3 +85,20 @@ def show_summary(summary: RunSummary) -> None:
     row("written", str(summary.output))
     for text in (*summary.issues, *summary.notes):
         warn(text)
+
+
+def show_comparison(found: Comparison) -> None:
+    """Print what a comparison found."""
+    console.print(f"\n[bold]Horizontal error[/bold]  against {found.reference}", highlight=False)
+    rows = found.epoch_rows
+    row("", "".join(f"{time_text(float(t)):>12}" for t in found.epochs))
+    for variant in found.variants:
+        cells = "".join(f"{length_text(float(x)):>12}" for x in variant.horizontal[rows])
+        row(variant.name, cells)
+    if found.imu_error is not None:
+        row("IMU, 1σ stated", "".join(f"{length_text(float(x)):>12}" for x in found.imu_error))
+    console.print()
+    for sentence in found.verdict:
+        console.print(sentence, markup=False)
+    for note in found.notes:
+        warn(note)

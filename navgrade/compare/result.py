@@ -10,11 +10,12 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 Group = Literal["engine", "flat", "term"]
+Axis = Literal["horizontal", "vertical"]
 
 
 @dataclass(frozen=True, eq=False)
 class Growth:
-    """How the horizontal error grows with time.
+    """How the position error grows with time.
 
     Attributes
     ----------
@@ -24,12 +25,15 @@ class Growth:
         The closed form that predicts it; empty where there is none.
     predicted : ndarray, shape (k,)
         What the closed form gives at the epochs, m; NaN where there is none.
+    axis : {"horizontal", "vertical"}
+        Which error is fitted and predicted.
     """
 
     coefficient: float
     power: float
     formula: str
     predicted: Array
+    axis: Axis = "horizontal"
 
 
 @dataclass(frozen=True, eq=False)

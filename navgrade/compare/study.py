@@ -1,0 +1,425 @@
+"""One log, navigated in every way: the full engine, flat worlds, and terms removed one by one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from earth import omega_ie_n
+from earth.ellipsoid import WGS84
+from earth.geodetic import radii
+from earth.gravity import normal_gravity_n
+from earth.rates import omega_en_n
+from navgrade.compare.growth import Level, fit_power
+from navgrade.compare.result import Comparison, Group, Growth, Variant
+from navgrade.compare.sampling import Difference, States, at_times, difference, in_plane
+from navgrade.compare.verdict import verdict
+from navgrade.errors import ConfigError, LogError
+from navgrade.imu import ImuSamples, concatenate
+from navgrade.job import AlignedWindow, Choices, choose, starting_state
+from navgrade.logs import ImuLog, Track
+from navgrade.mechanization.terms import SPHERE_RADIUS, TERMS
+from navgrade.navigation import BLOCK, solve
+from navgrade.reconstruction import DEFAULT, RECONSTRUCTIONS, BlockForm
+from navgrade.site import Site
+from navgrade.state import NavState
+
+Array = NDArray[np.float64]
+Progress = Callable[[int, int], None]
+
+EPOCHS = (1.0, 10.0, 60.0, 600.0, 3600.0)  # s
+FLAT = {
+    "flat-euler": "flat world, Euler",
+    "flat-midpoint": "flat world, midpoint",
+    "flat-rk4": "flat world, Runge-Kutta 4",
+}
+_CONTEXT = 1.0  # s of samples before the start, for reconstructions that look back
+_POINTS = 300  # times spaced evenly in logarithm, and again as many evenly in time
+_FIRST = 0.01  # s
+
+
+@dataclass(frozen=True, eq=False)
+class _Drive:
+    """What drives the error of each term, as means from the start to each epoch.
+
+    Attributes
+    ----------
+    t : ndarray, shape (k,)
+    level : Level
+    velocity : ndarray, shape (k, 2)
+        Displacement north and east over time, m/s.
+    coriolis : ndarray, shape (k, 3)
+        (2 omega_ie + omega_en) x v, m/s^2.
+    north_gravity, by_height, by_latitude : ndarray, shape (k,)
+        Gravity northward; what the change of height and of latitude change it by, m/s^2.
+    earth_rate : ndarray, shape (3,)
+        omega_ie at the start, rad/s.
+    scale : ndarray, shape (2,)
+        Radii of the ellipsoid over those of the sphere, north and east, less one.
+    body : dict of str to ndarray, shape (k, 3)
+        Rates or accelerations in n that the body stage's terms add, by term.
+    """
+
+    t: Array
+    level: Level
+    velocity: Array
+    coriolis: Array
+    north_gravity: Array
+    by_height: Array
+    by_latitude: Array
+    earth_rate: Array
+    scale: Array
+    body: dict[str, Array]
+
+
+def _length(v: Array) -> Array:
+    return np.asarray(np.linalg.norm(v[..., :2], axis=-1))
+
+
+def _flat(d: _Drive) -> Array:
+    north, _, down = d.earth_rate
+    tilt = d.velocity / d.level.R + np.array([0.0, north])
+    v_n, v_e = d.velocity.T
+    coriolis = 2.0 * np.stack([-down * v_e, down * v_n], axis=-1)
+    t = d.t[:, None]
+    return _length(d.level.flat_by_rate(tilt, t) + d.level.flat_by_acceleration(coriolis, t))
+
+
+# The closed form of each variant: as people read it, along which axis, and as it is computed.
+_FORMS: dict[str, tuple[str, str, Callable[[_Drive], Array]]] = {
+    **dict.fromkeys(FLAT, ("|g (Ω cos L e + v/R) t³/6 + Ω×v t²|", "horizontal", _flat)),
+    "earth-rate": (
+        "R Ω cos L (t − sin(ωₛt)/ωₛ)",
+        "horizontal",
+        lambda d: d.level.by_rate(d.earth_rate[0], d.t),
+    ),
+    "transport-rate": (
+        "v (t − sin(ωₛt)/ωₛ)",
+        "horizontal",
+        lambda d: d.level.by_rate(_length(d.velocity) / d.level.R, d.t),
+    ),
+    "coriolis": (
+        "|(2Ω+ω)×v| (1 − cos ωₛt)/ωₛ²",
+        "horizontal",
+        lambda d: d.level.by_acceleration(_length(d.coriolis), d.t),
+    ),
+    "ellipsoid": (
+        "v (M/R₀ − 1) sin(ωₛt)/ωₛ",
+        "horizontal",
+        lambda d: d.level.by_velocity(_length(d.velocity * d.scale), d.t),
+    ),
+    "gravity-height": (
+        "δg (cosh(√2 ωₛt) − 1)/2ωₛ²",
+        "vertical",
+        lambda d: d.level.vertical(np.abs(d.by_height), d.t),
+    ),
+    "gravity-latitude": (
+        "δg (cosh(√2 ωₛt) − 1)/2ωₛ²",
+        "vertical",
+        lambda d: d.level.vertical(np.abs(d.by_latitude), d.t),
+    ),
+    "north-gravity": (
+        "g_N (1 − cos ωₛt)/ωₛ²",
+        "horizontal",
+        lambda d: d.level.by_acceleration(np.abs(d.north_gravity), d.t),
+    ),
+    "coning": (
+        "R ε (t − sin(ωₛt)/ωₛ)",
+        "horizontal",
+        lambda d: d.level.by_rate(_length(d.body["coning"]), d.t),
+    ),
+    "sculling": (
+        "b (1 − cos ωₛt)/ωₛ²",
+        "horizontal",
+        lambda d: d.level.by_acceleration(_length(d.body["sculling"]), d.t),
+    ),
+    "rotation": (
+        "b (1 − cos ωₛt)/ωₛ²",
+        "horizontal",
+        lambda d: d.level.by_acceleration(_length(d.body["rotation"]), d.t),
+    ),
+}
+
+
+def compare(
+    log: ImuLog,
+    site: Site,
+    choices: Choices | None = None,
+    *,
+    truth: Track | None = None,
+    duration: float = EPOCHS[-1],
+    progress: Progress | None = None,
+) -> Comparison:
+    """Navigate a log with the full engine, flat worlds, and the engine less one term each.
+
+    In frame n with a free vertical channel, from the site file's state or alignment; where it has
+    neither, from the first instant of the truth.
+
+    Parameters
+    ----------
+    log : ImuLog
+        From `navgrade.job.open_log`.
+    site : Site
+    choices : Choices, optional
+        Its frame and vertical channel are not used.
+    truth : Track, optional
+        What all solutions are compared with; the full engine's solution by default.
+    duration : float
+        s after the start, at most.
+    progress : callable, optional
+        Called with the number of solutions done and their total.
+
+    Raises
+    ------
+    ConfigError
+        Where nothing says where to start, or the reconstruction has no row for each sample.
+    LogError
+        Where the truth does not overlap the log.
+    NavgradeError
+        On whatever prevents the full engine's solution.
+    """
+    choices = choices or Choices()
+    reconstruction = _reconstruction(choices, site)
+    if not (np.isfinite(duration) and duration > 0.0):
+        raise ConfigError(f"the duration must be positive, got {duration!r} s")
+    state, aligned = _start(log, site, truth)
+    imu = _samples(log, state.t, duration)
+    at = _times(imu, state.t, truth)
+    t = at - state.t
+    epochs = _epochs(t)
+    common: dict[str, Any] = {"bridge_gaps": choices.bridge_gaps}
+    pieces = list(solve(imu.blocks(BLOCK), state, reconstruction=reconstruction, **common))
+    full, _ = at_times(pieces, state, at)
+    reference = full if truth is None else _truth_at(truth, imu.epoch_ns, at)
+    drive = _drive(state, full, t, epochs, _body_means(imu, state, pieces, reconstruction, epochs))
+    del pieces
+    plan: list[tuple[str, str, Group, dict[str, Any]]] = [
+        *((name, label, "flat", {"mechanization": name}) for name, label in FLAT.items()),
+        *(
+            (f"without-{name}", f"without {what}", "term", {**engine, "without": name})
+            for engine in ({"reconstruction": reconstruction},)
+            for name, what in TERMS.items()
+        ),
+    ]
+    notes = _notes(site, choices, truth)
+    found = [("engine", f"Earth frame, {reconstruction}", "engine", full)]
+    for done, (name, label, group, choice) in enumerate(plan, start=1):
+        if progress:
+            progress(done, len(plan) + 1)
+        states, ended = at_times(solve(imu.blocks(BLOCK), state, **common, **choice), state, at)
+        found.append((name, label, group, states))
+        if ended:
+            notes.append(f"{label} ended early: {ended}")
+    if progress:
+        progress(len(plan) + 1, len(plan) + 1)
+    place = state.lat, state.lon, state.h
+    variants = []
+    for name, label, group, states in found:
+        apart = difference(states, reference)
+        variants.append(
+            Variant(
+                name, label, group, *apart, in_plane(states, *place), _growth(name, apart, t, drive)
+            )
+        )
+    imu_error = _imu_error(site, aligned, drive.level, full, t)
+    return Comparison(
+        log=str(log.path),
+        topic=log.topic,
+        description=f"{log.schema.name}, kind {log.kind}, axes {log.axes}",
+        start_ns=imu.epoch_ns + round(state.t * 1e9),
+        lat=state.lat,
+        lon=state.lon,
+        h=state.h,
+        reference="the full engine" if truth is None else f"truth {truth.source}",
+        t=t,
+        epochs=epochs,
+        track=in_plane(reference, *place),
+        variants=tuple(variants),
+        imu_error=None if imu_error is None else imu_error[np.searchsorted(t, epochs)],
+        verdict=verdict(t, epochs, variants, imu_error, against_truth=truth is not None),
+        notes=tuple(notes),
+    )
+
+
+def _reconstruction(choices: Choices, site: Site) -> str:
+    chosen = choose("reconstruction", choices, site, RECONSTRUCTIONS, DEFAULT)
+    if isinstance(RECONSTRUCTIONS[chosen], BlockForm):
+        raise ConfigError(
+            f"compare needs one row for each sample, and {chosen} has one for several; choose "
+            f"another reconstruction, such as {DEFAULT}"
+        )
+    return chosen
+
+
+def _start(log: ImuLog, site: Site, truth: Track | None) -> tuple[NavState, AlignedWindow | None]:
+    if truth is None or site.initial is not None or site.window is not None:
+        return starting_state(log, site)
+    if truth.v_eb_n is None or truth.q_nb is None:
+        raise ConfigError(
+            f"nothing says where to start: {truth.source} has no "
+            f"{'velocities' if truth.v_eb_n is None else 'attitudes'}, so the site file needs "
+            "[initial], or [site] and [alignment]",
+            file=site.file,
+        )
+    t = (truth.time_ns - log.epoch_ns) * 1e-9
+    row = int(np.searchsorted(t, 0.0))
+    if row == len(t):
+        raise LogError(f"{truth.source} ends before the log begins", file=str(log.path))
+    return (
+        NavState(
+            lat=truth.lat[row],
+            lon=truth.lon[row],
+            h=truth.h[row],
+            v_eb_n=truth.v_eb_n[row],
+            q_nb=truth.q_nb[row],
+            t=t[row],
+        ),
+        None,
+    )
+
+
+def _samples(log: ImuLog, start: float, duration: float) -> ImuSamples:
+    """Samples from a moment before `start` to `duration` after it."""
+    kept: list[ImuSamples] = []
+    for block in log.blocks():
+        if block.t[-1] > start - _CONTEXT:
+            kept.append(block)
+        if block.t[-1] > start + duration:
+            break
+    if not kept or kept[-1].t[-1] <= start:
+        raise LogError(
+            f"ends before {start:.3f} s, where navigation would start",
+            file=str(log.path),
+            topic=log.topic,
+        )
+    whole = concatenate(kept)
+    first, stop = np.searchsorted(whole.t, [start - _CONTEXT, start + duration + 1e-9])
+    return whole[int(first) : int(stop)]
+
+
+def _times(imu: ImuSamples, start: float, truth: Track | None) -> Array:
+    """Instants to look at, among those of the samples or of the truth."""
+    known = imu.t[imu.t > start]
+    if truth is not None:
+        of_truth = (truth.time_ns - imu.epoch_ns) * 1e-9
+        inside = (of_truth > start) & (of_truth <= known[-1] + 1e-6)
+        if not inside.any():
+            raise LogError(
+                f"{truth.source} has nothing between the start of navigation and the end of the "
+                f"log: it runs from {of_truth[0]:.3f} s to {of_truth[-1]:.3f} s of the log's time, "
+                f"navigation from {start:.3f} s to {known[-1]:.3f} s"
+            )
+        known = of_truth[inside]
+    last = known[-1] - start
+    wanted = np.concatenate(
+        [
+            np.geomspace(min(_FIRST, last), last, _POINTS),
+            np.linspace(last / _POINTS, last, _POINTS),
+            [epoch for epoch in EPOCHS if epoch < last],
+        ]
+    )
+    after = np.clip(np.searchsorted(known, start + wanted), 1, max(len(known) - 1, 1))
+    rows = np.minimum(after, len(known) - 1)
+    before = after - 1
+    nearer = np.abs(known[before] - start - wanted) < np.abs(known[rows] - start - wanted)
+    return known[np.unique(np.where(nearer, before, rows))]
+
+
+def _epochs(t: Array) -> Array:
+    """Of `t`, the nearest to each time to report, and the last."""
+    rows = [int(np.argmin(np.abs(t - epoch))) for epoch in EPOCHS if epoch <= 1.01 * t[-1]]
+    return t[np.unique([*rows, len(t) - 1])]
+
+
+def _truth_at(truth: Track, epoch_ns: int, at: Array) -> States:
+    rows = np.searchsorted((truth.time_ns - epoch_ns) * 1e-9, at - 1e-9)
+    unknown = States.nowhere(len(truth))
+    known = States(
+        truth.lat,
+        truth.lon,
+        truth.h,
+        unknown.v_eb_n if truth.v_eb_n is None else truth.v_eb_n,
+        unknown.q_nb if truth.q_nb is None else truth.q_nb,
+    )
+    return known.rows(rows)
+
+
+def _means(t: Array, values: Array, epochs: Array) -> Array:
+    """Means of rows of values from the start to each epoch; before the first row, that row."""
+    t0 = np.concatenate([[0.0], t])
+    v0 = np.concatenate([values[:1], values])
+    area = np.diff(t0).reshape(-1, *[1] * (values.ndim - 1)) * 0.5 * (v0[1:] + v0[:-1])
+    sums = np.cumsum(area, axis=0)[np.searchsorted(t, epochs)]
+    return np.asarray(sums / epochs.reshape(-1, *[1] * (values.ndim - 1)))
+
+
+def _drive(
+    state: NavState, full: States, t: Array, epochs: Array, body: dict[str, Array]
+) -> _Drive:
+    level = Level.at(state.lat, state.h)
+    v = full.v_eb_n
+    turn = 2.0 * omega_ie_n(full.lat) + omega_en_n(full.lat, full.h, v)
+    meridian, transverse = radii(WGS84.params, np.sin(state.lat))
+    gravity = normal_gravity_n(full.lat, full.h)
+    at_start = float(normal_gravity_n(state.lat, state.h)[2])
+    return _Drive(
+        t=epochs,
+        level=level,
+        velocity=_means(t, v[:, :2], epochs),
+        coriolis=_means(t, np.cross(turn, v), epochs),
+        north_gravity=_means(t, gravity[:, 0], epochs),
+        by_height=_means(t, normal_gravity_n(state.lat, full.h)[:, 2] - at_start, epochs),
+        by_latitude=_means(t, normal_gravity_n(full.lat, state.h)[:, 2] - at_start, epochs),
+        earth_rate=np.asarray(omega_ie_n(state.lat)),
+        scale=(np.array([meridian, transverse]) + state.h) / (SPHERE_RADIUS + state.h) - 1.0,
+        body=body,
+    )
+
+
+def _growth(name: str, apart: Difference, t: Array, drive: _Drive) -> Growth:
+    form = _FORMS.get(name.removeprefix("without-"))
+    formula, axis, predicted = "", "horizontal", np.full(len(drive.t), np.nan)
+    if form is not None:
+        formula, axis = form[:2]
+        predicted = form[2](drive)
+    error = _length(apart.position) if axis == "horizontal" else np.abs(apart.position[:, 2])
+    return Growth(*fit_power(t, error), formula, predicted, axis)
+
+
+def _imu_error(
+    site: Site, aligned: AlignedWindow | None, level: Level, full: States, t: Array
+) -> Array | None:
+    """Horizontal error, 1-sigma, m, of the sensor errors the site file states."""
+    errors = site.errors
+    one_axis = [
+        part
+        for value, part in (
+            (errors.gyro_bias, lambda x: level.by_rate(x, t)),
+            (errors.accel_bias, lambda x: level.by_acceleration(x, t)),
+            (errors.arw, lambda x: level.by_rate_noise(x, t)),
+            (errors.vrw, lambda x: level.by_acceleration_noise(x, t)),
+        )
+        if value is not None
+        for part in (part(value),)
+    ]
+    if not one_axis:
+        return None
+    variance = 2.0 * sum(part**2 for part in one_axis)
+    if aligned is not None:
+        track = in_plane(full, float(full.lat[0]), float(full.lon[0]), float(full.h[0]))
+        variance = variance + (aligned.result.azimuth_sigma * _length(track)) ** 2
+    return np.asarray(np.sqrt(variance))
+
+
+def _notes(site: Site, choices: Choices, truth: Track | None) -> list[str]:
+    notes = [] if truth is None else list(truth.notes)
+    vertical = choices.vertical or site.vertical
+    if vertical not in (None, "free"):
+        notes.append(
+            f"the vertical channel is free in all solutions, not {vertical!r}: heights diverge"
+        )
+    return notes
