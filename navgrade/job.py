@@ -35,7 +35,7 @@ from navgrade.logs import (
     read_heights,
     sha256,
 )
-from navgrade.navigation import check_choice, solve
+from navgrade.navigation import FRAMES, check_choice, choose, solve
 from navgrade.site import BaroSettings, Initial, Place, Site, Window
 from navgrade.state import NavState, Trajectory
 from navgrade.vertical import BaroLoop
@@ -321,9 +321,15 @@ def run(
     output = Path(output)
     known = log.notes
     began = time.perf_counter()
-    reconstruction = _choose("reconstruction", choices, site, body.RECONSTRUCTIONS, body.DEFAULT)
-    frame = _choose("frame", choices, site, frames.MECHANIZATIONS, frames.DEFAULT)
+    frame = _choose("frame", choices, site, FRAMES, frames.DEFAULT)
+    own = FRAMES[frame].reconstruction or body.DEFAULT
+    reconstruction = _choose("reconstruction", choices, site, body.RECONSTRUCTIONS, own)
     vertical = _choose("vertical", choices, site, frames.VERTICAL, "free")
+    try:
+        choose(reconstruction, frame, vertical)
+        body.check_input(reconstruction, log.kind)
+    except ValueError as error:
+        raise ConfigError(str(error), key="mechanization") from None
     gravity = _choose("gravity", choices, site, GRAVITY_MODELS, earth_gravity.DEFAULT)
     disturbance = _disturbance(site)
     if rate_hz is not None and not (np.isfinite(rate_hz) and rate_hz > 0.0):
