@@ -35,7 +35,7 @@ from navgrade.logs import (
     read_heights,
     sha256,
 )
-from navgrade.navigation import check_choice, solve
+from navgrade.navigation import FRAMES, check_choice, choose, solve
 from navgrade.site import BaroSettings, Initial, Place, Site, Window
 from navgrade.state import NavState, Trajectory
 from navgrade.vertical import BaroLoop
@@ -335,10 +335,16 @@ def run(
     output = Path(output)
     known = log.notes
     began = time.perf_counter()
-    reconstruction = choose("reconstruction", choices, site, body.RECONSTRUCTIONS, body.DEFAULT)
-    frame = choose("frame", choices, site, frames.MECHANIZATIONS, frames.DEFAULT)
-    vertical = choose("vertical", choices, site, frames.VERTICAL, "free")
-    gravity = choose("gravity", choices, site, GRAVITY_MODELS, earth_gravity.DEFAULT)
+    frame = setting("frame", choices, site, FRAMES, frames.DEFAULT)
+    own = FRAMES[frame].reconstruction or body.DEFAULT
+    reconstruction = setting("reconstruction", choices, site, body.RECONSTRUCTIONS, own)
+    vertical = setting("vertical", choices, site, frames.VERTICAL, "free")
+    try:
+        choose(reconstruction, frame, vertical)
+        body.check_input(reconstruction, log.kind)
+    except ValueError as error:
+        raise ConfigError(str(error), key="mechanization") from None
+    gravity = setting("gravity", choices, site, GRAVITY_MODELS, earth_gravity.DEFAULT)
     disturbance = _disturbance(site)
     if rate_hz is not None and not (np.isfinite(rate_hz) and rate_hz > 0.0):
         raise ConfigError(f"the output rate must be positive, got {rate_hz!r} Hz")
@@ -398,7 +404,7 @@ def run(
     return summary
 
 
-def choose(name: str, choices: Choices, site: Site, allowed: Iterable[str], default: str) -> str:
+def setting(name: str, choices: Choices, site: Site, allowed: Iterable[str], default: str) -> str:
     """The command line's choice, else the site file's, else the default; checked."""
     given, filed = getattr(choices, name), getattr(site, name)
     value: str = next(choice for choice in (given, filed, default) if choice is not None)

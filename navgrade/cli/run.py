@@ -12,7 +12,7 @@ from navgrade.cli.show import show_alignment, show_source, show_summary
 from navgrade.cli.terminal import progress_bar
 from navgrade.job import Choices, open_log, run
 from navgrade.logs import POSE_RATE
-from navgrade.mechanization import MECHANIZATIONS, VERTICAL
+from navgrade.mechanization import FLAT_WORLD, MECHANIZATIONS, VERTICAL
 from navgrade.reconstruction import CAUSAL, DEFAULT, RECONSTRUCTIONS
 from navgrade.site import read_site
 
@@ -30,7 +30,10 @@ from navgrade.site import read_site
 )
 @click.option("--reconstruction", help=f"{', '.join(RECONSTRUCTIONS)}. Default: {DEFAULT}.")
 @click.option("--causal", is_flag=True, help=f"Use no later samples: --reconstruction {CAUSAL}.")
-@click.option("--frame", help=f"{', '.join(MECHANIZATIONS)}.")
+@click.option(
+    "--frame",
+    help=f"{', '.join(MECHANIZATIONS)}. For comparison, a flat world: {', '.join(FLAT_WORLD)}.",
+)
 @click.option("--vertical", help=f"{', '.join(VERTICAL)} (heights: [baro] in SITE.toml).")
 @click.option("--gravity", help=f"{', '.join(GRAVITY_MODELS)}.")
 @click.option("--output-rate", type=float, metavar="HZ", help="Default: every sample.")

@@ -58,28 +58,28 @@ class Level:
         """Schuler rate, rad/s."""
         return float(np.sqrt(self.g / self.R))
 
-    def by_acceleration(self, b: Array, t: Array) -> Array:
+    def by_acceleration(self, b: Array | float, t: Array) -> Array:
         """Horizontal error, m, of an acceleration error, m/s^2."""
-        return b * (1.0 - np.cos(self.schuler * t)) / self.schuler**2
+        return np.asarray(b * (1.0 - np.cos(self.schuler * t)) / self.schuler**2)
 
-    def by_rate(self, eps: Array, t: Array) -> Array:
+    def by_rate(self, eps: Array | float, t: Array) -> Array:
         """Horizontal error, m, of an angular rate error about a horizontal axis, rad/s."""
         return self.R * eps * (t - np.sin(self.schuler * t) / self.schuler)
 
-    def by_velocity(self, v: Array, t: Array) -> Array:
+    def by_velocity(self, v: Array | float, t: Array) -> Array:
         """Horizontal error, m, of a velocity error at the start, m/s."""
         return v * np.sin(self.schuler * t) / self.schuler
 
-    def vertical(self, b: Array, t: Array) -> Array:
+    def vertical(self, b: Array | float, t: Array) -> Array:
         """Height error, m, of a vertical acceleration error, m/s^2."""
         rate = np.sqrt(2.0) * self.schuler
         return np.asarray(b * (np.cosh(rate * t) - 1.0) / rate**2)
 
-    def flat_by_acceleration(self, b: Array, t: Array) -> Array:
+    def flat_by_acceleration(self, b: Array | float, t: Array) -> Array:
         """Horizontal error in a flat world, m, of an acceleration error, m/s^2."""
         return 0.5 * b * t**2
 
-    def flat_by_rate(self, eps: Array, t: Array) -> Array:
+    def flat_by_rate(self, eps: Array | float, t: Array) -> Array:
         """Horizontal error in a flat world, m, of an angular rate error, rad/s."""
         return self.g * eps * t**3 / 6.0
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,19 +14,28 @@ from earth.ellipsoid import WGS84
 from earth.geodetic import radii
 from earth.gravity import normal_gravity_n
 from earth.rates import omega_en_n
+from earth.rotation import quat_rotate
 from navgrade.compare.growth import Level, fit_power
-from navgrade.compare.result import Comparison, Group, Growth, Variant
+from navgrade.compare.result import Axis, Comparison, Group, Growth, Variant
 from navgrade.compare.sampling import Difference, States, at_times, difference, in_plane
 from navgrade.compare.verdict import verdict
 from navgrade.errors import ConfigError, LogError
 from navgrade.imu import ImuSamples, concatenate
-from navgrade.job import AlignedWindow, Choices, choose, starting_state
+from navgrade.job import AlignedWindow, Choices, setting, starting_state
 from navgrade.logs import ImuLog, Track
-from navgrade.mechanization.terms import SPHERE_RADIUS, TERMS
-from navgrade.navigation import BLOCK, solve
-from navgrade.reconstruction import DEFAULT, RECONSTRUCTIONS, BlockForm
+from navgrade.mechanization.terms import SPHERE
+from navgrade.navigation import BLOCK, TERMS, solve
+from navgrade.reconstruction import (
+    BODY_TERMS,
+    DEFAULT,
+    RECONSTRUCTIONS,
+    BlockForm,
+    has_body_terms,
+    reconstruct,
+    to_increments,
+)
 from navgrade.site import Site
-from navgrade.state import NavState
+from navgrade.state import NavState, Trajectory
 
 Array = NDArray[np.float64]
 Progress = Callable[[int, int], None]
@@ -37,9 +46,23 @@ FLAT = {
     "flat-midpoint": "flat world, midpoint",
     "flat-rk4": "flat world, Runge-Kutta 4",
 }
+FLAT_COMPENSATED = {"flat": "flat world, the sensor's own increments"}
+LABELS = {
+    "earth-rate": "the Earth's rotation in the attitude",
+    "transport-rate": "the transport rate in the attitude",
+    "coriolis": "the Coriolis acceleration",
+    "ellipsoid": "the ellipsoid's radii",
+    "gravity-height": "the change of gravity with height",
+    "gravity-latitude": "the change of gravity with latitude",
+    "north-gravity": "the north component of gravity",
+    "coning": "coning",
+    "sculling": "sculling",
+    "rotation": "the rotation term of the velocity",
+}
 _CONTEXT = 1.0  # s of samples before the start, for reconstructions that look back
 _POINTS = 300  # times spaced evenly in logarithm, and again as many evenly in time
 _FIRST = 0.01  # s
+_HORIZONTAL: Axis = "horizontal"
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +113,7 @@ def _flat(d: _Drive) -> Array:
 
 
 # The closed form of each variant: as people read it, along which axis, and as it is computed.
-_FORMS: dict[str, tuple[str, str, Callable[[_Drive], Array]]] = {
+_FORMS: dict[str, tuple[str, Axis, Callable[[_Drive], Array]]] = {
     **dict.fromkeys(FLAT, ("|g (Ω cos L e + v/R) t³/6 + Ω×v t²|", "horizontal", _flat)),
     "earth-rate": (
         "R Ω cos L (t − sin(ωₛt)/ωₛ)",
@@ -195,18 +218,28 @@ def compare(
     pieces = list(solve(imu.blocks(BLOCK), state, reconstruction=reconstruction, **common))
     full, _ = at_times(pieces, state, at)
     reference = full if truth is None else _truth_at(truth, imu.epoch_ns, at)
-    drive = _drive(state, full, t, epochs, _body_means(imu, state, pieces, reconstruction, epochs))
-    del pieces
+    removable = log.kind != "compensated" and has_body_terms(reconstruction)
+    body = BODY_TERMS if removable else {}
+    terms = {name: what for name, what in TERMS.items() if name in body or name not in BODY_TERMS}
     plan: list[tuple[str, str, Group, dict[str, Any]]] = [
-        *((name, label, "flat", {"mechanization": name}) for name, label in FLAT.items()),
-        *(
-            (f"without-{name}", f"without {what}", "term", {**engine, "without": name})
-            for engine in ({"reconstruction": reconstruction},)
-            for name, what in TERMS.items()
-        ),
+        (name, label, "flat", {"mechanization": name})
+        for name, label in (FLAT_COMPENSATED if log.kind == "compensated" else FLAT).items()
     ]
+    plan += [
+        (
+            f"without-{name}",
+            f"without {LABELS[name]}",
+            "term",
+            {"reconstruction": reconstruction, "without": name},
+        )
+        for name in terms
+    ]
+    means = _body_means(imu, state.t, pieces, reconstruction, epochs, body)
+    drive = _drive(state, full, t, epochs, means)
     notes = _notes(site, choices, truth)
-    found = [("engine", f"Earth frame, {reconstruction}", "engine", full)]
+    found: list[tuple[str, str, Group, States]] = [
+        ("engine", f"Earth frame, {reconstruction}", "engine", full)
+    ]
     for done, (name, label, group, choice) in enumerate(plan, start=1):
         if progress:
             progress(done, len(plan) + 1)
@@ -246,7 +279,7 @@ def compare(
 
 
 def _reconstruction(choices: Choices, site: Site) -> str:
-    chosen = choose("reconstruction", choices, site, RECONSTRUCTIONS, DEFAULT)
+    chosen = setting("reconstruction", choices, site, RECONSTRUCTIONS, DEFAULT)
     if isinstance(RECONSTRUCTIONS[chosen], BlockForm):
         raise ConfigError(
             f"compare needs one row for each sample, and {chosen} has one for several; choose "
@@ -326,13 +359,13 @@ def _times(imu: ImuSamples, start: float, truth: Track | None) -> Array:
     rows = np.minimum(after, len(known) - 1)
     before = after - 1
     nearer = np.abs(known[before] - start - wanted) < np.abs(known[rows] - start - wanted)
-    return known[np.unique(np.where(nearer, before, rows))]
+    return np.asarray(known[np.unique(np.where(nearer, before, rows))])
 
 
 def _epochs(t: Array) -> Array:
     """Of `t`, the nearest to each time to report, and the last."""
     rows = [int(np.argmin(np.abs(t - epoch))) for epoch in EPOCHS if epoch <= 1.01 * t[-1]]
-    return t[np.unique([*rows, len(t) - 1])]
+    return np.asarray(t[np.unique([*rows, len(t) - 1])])
 
 
 def _truth_at(truth: Track, epoch_ns: int, at: Array) -> States:
@@ -375,17 +408,42 @@ def _drive(
         by_height=_means(t, normal_gravity_n(state.lat, full.h)[:, 2] - at_start, epochs),
         by_latitude=_means(t, normal_gravity_n(full.lat, state.h)[:, 2] - at_start, epochs),
         earth_rate=np.asarray(omega_ie_n(state.lat)),
-        scale=(np.array([meridian, transverse]) + state.h) / (SPHERE_RADIUS + state.h) - 1.0,
+        scale=(np.array([meridian, transverse]) + state.h) / (SPHERE + state.h) - 1.0,
         body=body,
     )
 
 
+def _body_means(
+    imu: ImuSamples,
+    start: float,
+    pieces: Sequence[Trajectory],
+    reconstruction: str,
+    epochs: Array,
+    terms: Iterable[str],
+) -> dict[str, Array]:
+    """What each term of the body stage adds: mean rates or accelerations in n up to each epoch."""
+    means = {}
+    q_nb = np.concatenate([piece.q_nb for piece in pieces])
+    t = np.concatenate([piece.t for piece in pieces])
+    raw = list(to_increments(imu.blocks(BLOCK)))
+    for term in terms:
+        moments = []
+        whole = reconstruct(raw, reconstruction)
+        for full, less in zip(whole, reconstruct(raw, reconstruction, without=term), strict=True):
+            moments.append(full.phi - less.phi if term == "coning" else full.dv - less.dv)
+        added = np.concatenate(moments)[-len(t) :]
+        in_n = np.stack(quat_rotate(tuple(q_nb.T), tuple(added.T)), axis=-1)
+        rows = np.searchsorted(t, start + epochs - 1e-9).clip(max=len(t) - 1)
+        means[term] = np.cumsum(in_n, axis=0)[rows] / epochs[:, None]
+    return means
+
+
 def _growth(name: str, apart: Difference, t: Array, drive: _Drive) -> Growth:
     form = _FORMS.get(name.removeprefix("without-"))
-    formula, axis, predicted = "", "horizontal", np.full(len(drive.t), np.nan)
-    if form is not None:
-        formula, axis = form[:2]
-        predicted = form[2](drive)
+    if form is None:
+        formula, axis, predicted = "", _HORIZONTAL, np.full(len(drive.t), np.nan)
+    else:
+        formula, axis, predicted = form[0], form[1], form[2](drive)
     error = _length(apart.position) if axis == "horizontal" else np.abs(apart.position[:, 2])
     return Growth(*fit_power(t, error), formula, predicted, axis)
 
@@ -395,20 +453,16 @@ def _imu_error(
 ) -> Array | None:
     """Horizontal error, 1-sigma, m, of the sensor errors the site file states."""
     errors = site.errors
-    one_axis = [
-        part
-        for value, part in (
-            (errors.gyro_bias, lambda x: level.by_rate(x, t)),
-            (errors.accel_bias, lambda x: level.by_acceleration(x, t)),
-            (errors.arw, lambda x: level.by_rate_noise(x, t)),
-            (errors.vrw, lambda x: level.by_acceleration_noise(x, t)),
-        )
-        if value is not None
-        for part in (part(value),)
-    ]
-    if not one_axis:
+    forms: tuple[tuple[float | None, Callable[[float, Array], Array]], ...] = (
+        (errors.gyro_bias, level.by_rate),
+        (errors.accel_bias, level.by_acceleration),
+        (errors.arw, level.by_rate_noise),
+        (errors.vrw, level.by_acceleration_noise),
+    )
+    parts = [form(value, t) for value, form in forms if value is not None]
+    if not parts:
         return None
-    variance = 2.0 * sum(part**2 for part in one_axis)
+    variance = 2.0 * np.sum(np.square(parts), axis=0)  # along two axes
     if aligned is not None:
         track = in_plane(full, float(full.lat[0]), float(full.lon[0]), float(full.h[0]))
         variance = variance + (aligned.result.azimuth_sigma * _length(track)) ** 2

@@ -69,7 +69,7 @@ def verdict(
     """
     engine = variants[0]
     by_name = {variant.name: variant for variant in variants}
-    flat = by_name["flat-rk4"]
+    flat = [variant for variant in variants if variant.group == "flat"][-1]
     model = np.hypot(*(flat.position_error - engine.position_error)[:, :2].T)
     rows = np.searchsorted(t, epochs)
     end = rows[-1]
@@ -121,6 +121,8 @@ def _flat_or_imu(
 
 
 def _integrators(by_name: dict[str, Variant], end: int, t: Array) -> str:
+    if "flat-rk4" not in by_name:
+        return ""
     best = by_name["flat-rk4"].position_error[end]
     apart = {
         name: float(np.hypot(*(by_name[f"flat-{name}"].position_error[end] - best)[:2]))

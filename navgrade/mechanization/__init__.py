@@ -10,8 +10,10 @@ from dataclasses import dataclass
 from functools import partial
 
 from navgrade.mechanization.cartesian import Cartesian
+from navgrade.mechanization.flat import Flat
 from navgrade.mechanization.frame import Frame
 from navgrade.mechanization.ned import Ned
+from navgrade.mechanization.terms import TERMS, Terms
 from navgrade.mechanization.wander import Wander
 from navgrade.mechanization.world import VERTICAL, World
 from navgrade.state import NavState
@@ -28,11 +30,14 @@ class Mechanization:
         Global order of the position error in the interval, given exact body increments.
     start : callable
         ``start(state, world, epoch_ns)`` makes the `Frame` at a state.
+    reconstruction : str, optional
+        The body stage that belongs to it; without one it takes any.
     """
 
     summary: str
     order: int
     start: Callable[[NavState, World, int], Frame]
+    reconstruction: str | None = None
 
 
 MECHANIZATIONS: dict[str, Mechanization] = {
@@ -43,4 +48,23 @@ MECHANIZATIONS: dict[str, Mechanization] = {
 }
 DEFAULT = "n"
 
-__all__ = ["DEFAULT", "MECHANIZATIONS", "VERTICAL", "Frame", "Mechanization", "World"]
+# For comparison; orders are over a flat world, where exact body increments leave nothing.
+FLAT_WORLD: dict[str, Mechanization] = {
+    "flat": Mechanization("flat world, attitude as a quaternion", 0, partial(Flat, False)),
+    "flat-matrix": Mechanization("flat world, attitude as a matrix", 0, partial(Flat, True)),
+    "flat-euler": Mechanization("flat world, Euler's step", 1, partial(Flat, False), "euler"),
+    "flat-midpoint": Mechanization("flat world, midpoint", 2, partial(Flat, False), "midpoint"),
+    "flat-rk4": Mechanization("flat world, Runge-Kutta", 4, partial(Flat, False), "rk4"),
+}
+
+__all__ = [
+    "DEFAULT",
+    "FLAT_WORLD",
+    "MECHANIZATIONS",
+    "TERMS",
+    "VERTICAL",
+    "Frame",
+    "Mechanization",
+    "Terms",
+    "World",
+]

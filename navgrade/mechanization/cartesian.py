@@ -14,11 +14,11 @@ from __future__ import annotations
 import numpy as np
 
 from earth._jit import formula, kernel
-from earth.geodetic import ecef_from_geodetic, meridian_plane
+from earth.geodetic import ecef_from_geodetic
 from earth.gravity import gravity, needs_place
 from earth.rotation import cross, quat_product, quat_rotate
 from navgrade.mechanization.frame import Frame
-from navgrade.mechanization.local import direction, from_local, from_ned, to_local
+from navgrade.mechanization.local import from_local, from_ned, local_directions, to_local
 from navgrade.mechanization.step import (
     FREE,
     attitude_after,
@@ -40,21 +40,12 @@ _CARRY = 23
 
 
 @formula
-def _normal(params, r):
-    """Return the local directions (sine and cosine of latitude and longitude) and the height."""
-    rho = np.sqrt(r[0] * r[0] + r[1] * r[1])
-    sin_lat, cos_lat, h = meridian_plane(params, rho, r[2])
-    sin_lon, cos_lon = direction(rho, r[0], r[1])
-    return sin_lat, cos_lat, sin_lon, cos_lon, h
-
-
-@formula
 def acceleration(params, field, spin, turned, r, v):
     """Return what acts beside the specific force at `r` moving with `v`, m/s^2.
 
     `turned` is the angle by which the Earth has turned in the frame.
     """
-    sin_lat, cos_lat, sin_lon, cos_lon, h = _normal(params, r)
+    sin_lat, cos_lat, sin_lon, cos_lon, h = local_directions(params, r)
     lat, lon = 0.0, 0.0
     if needs_place(field):
         lat, lon = np.arctan2(sin_lat, cos_lat), np.arctan2(sin_lon, cos_lon) - turned
@@ -123,7 +114,7 @@ def propagate(
         r, lost_r = compensated_sums(r, lost_r, moved)
         elapsed, lost_t = compensated_sum(elapsed, lost_t, dt)
 
-        sin_lat, cos_lat, sin_lon, cos_lon, h = _normal(params, r)
+        sin_lat, cos_lat, sin_lon, cos_lon, h = local_directions(params, r)
         if channel.mode != FREE:
             up = (cos_lat * cos_lon, cos_lat * sin_lon, sin_lat)
             v_down = -(up[0] * v[0] + up[1] * v[1] + up[2] * v[2])

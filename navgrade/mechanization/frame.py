@@ -28,7 +28,7 @@ class Frame:
         heights, carry, lat, lon, h, v, q)`` steps through a block and returns the rows done.
     carry : ndarray
         What one block hands to the next, as at the start.
-    constants : float
+    constants : float or tuple
         The frame's own.
     """
 
@@ -38,7 +38,7 @@ class Frame:
         epoch_ns: int,
         propagate: Callable[..., Any],
         carry: NDArray[np.float64],
-        *constants: float,
+        *constants: float | tuple[Any, ...] | None,
     ) -> None:
         self._world = world
         self._epoch_ns = epoch_ns

@@ -6,6 +6,7 @@ import numpy as np
 
 from earth._jit import formula
 from earth.frames import ned_to_ecef_quat
+from earth.geodetic import meridian_plane
 from earth.rotation import quat_product
 
 
@@ -15,6 +16,15 @@ def direction(rho, x, y):
     if rho > 0.0:
         return y / rho, x / rho
     return 0.0, 1.0
+
+
+@formula
+def local_directions(params, r):
+    """Return sine and cosine of latitude and of the angle about the axis, and the height, m."""
+    rho = np.sqrt(r[0] * r[0] + r[1] * r[1])
+    sin_lat, cos_lat, h = meridian_plane(params, rho, r[2])
+    sin_lon, cos_lon = direction(rho, r[0], r[1])
+    return sin_lat, cos_lat, sin_lon, cos_lon, h
 
 
 @formula

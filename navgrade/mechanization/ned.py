@@ -16,8 +16,6 @@ from __future__ import annotations
 import numpy as np
 
 from earth._jit import formula, kernel
-from earth.geodetic import curvatures
-from earth.gravity import gravity
 from earth.rates import earth_rate, transport_rate
 from earth.rotation import cross, quat_rotate
 from earth.units import DEG
@@ -33,6 +31,14 @@ from navgrade.mechanization.step import (
     to_middle,
     velocity_change,
     vertical_correction,
+)
+from navgrade.mechanization.terms import (
+    Kept,
+    Terms,
+    kept_acceleration,
+    kept_curvatures,
+    kept_gravity,
+    kept_rate,
 )
 from navgrade.mechanization.world import World
 from navgrade.state import NavState
@@ -70,21 +76,21 @@ def middle_latitude(lat, v, per_metre, dt):
 
 
 @formula
-def surroundings(params, field, sin_lat, cos_lat, lat, lon, h, v):
+def surroundings(params, field, kept, sin_lat, cos_lat, lat, lon, h, v):
     """Return what the Earth does to a body at a place moving with `v` (NED).
 
     Acceleration g - (2 omega_ie + omega_en) x v, m/s^2; omega_in_n, rad/s; latitude per metre
-    north and longitude per metre east.
+    north and longitude per metre east. `kept` is None, or says which terms stay.
     """
-    per_meridian, per_transverse = curvatures(params, sin_lat, h)
+    per_meridian, per_transverse = kept_curvatures(params, kept, sin_lat, h)
     per_cos = 1.0 / cos_lat
     ie_n, ie_d = earth_rate(params, sin_lat, cos_lat)
-    en_n, en_e, en_d = transport_rate(v[0], v[1], sin_lat * per_cos, per_meridian, per_transverse)
-    g = gravity(params, field, sin_lat, cos_lat, lat, lon, h)
-    coriolis = cross((2.0 * ie_n + en_n, en_e, 2.0 * ie_d + en_d), v)
+    en = transport_rate(v[0], v[1], sin_lat * per_cos, per_meridian, per_transverse)
+    g = kept_gravity(params, field, kept, sin_lat, cos_lat, lat, lon, h)
+    coriolis = cross((2.0 * ie_n + en[0], en[1], 2.0 * ie_d + en[2]), v)
     return (
-        (g[0] - coriolis[0], g[1] - coriolis[1], g[2] - coriolis[2]),
-        (ie_n + en_n, en_e, ie_d + en_d),
+        kept_acceleration(kept, g, coriolis),
+        kept_rate(kept, ie_n, ie_d, en),
         (per_meridian, per_cos * per_transverse),
     )
 
@@ -95,6 +101,7 @@ def propagate(
     field,
     channel,
     max_latitude,
+    kept,
     dts,
     phis,
     dvs,
@@ -142,7 +149,7 @@ def propagate(
             middle_lon = lon + middle[1] * per_metre[1]
             before = rest
             rest, rate, per_metre = surroundings(
-                params, field, sin_lat, cos_lat, middle_lat, middle_lon, h - middle[2], mean_v
+                params, field, kept, sin_lat, cos_lat, middle_lat, middle_lon, h - middle[2], mean_v
             )
             moved = corrected(moved, rest, before, dt, dt_before)
             v, lost_v = compensated_sums(v, lost_v, velocity_change(A, D, W, rest, rate, dt))
@@ -209,17 +216,21 @@ class Ned(Frame):
             raise _beyond(state.t, 0)
         v = world.start_velocity(state)
         sin_lat, cos_lat = np.sin(state.lat), np.cos(state.lat)
+        kept = None
+        if world.terms is not None and not all(world.terms):
+            terms = Terms(*map(bool, world.terms))
+            kept = Kept(terms, state.lat, float(sin_lat), float(cos_lat), state.h)
         carry = np.zeros(_CARRY)
         carry[:3] = state.lat, state.lon, state.h
         carry[3:6] = v
         carry[6:10] = state.q_nb
         carry[13:21] = np.concatenate(
             surroundings(
-                world.params, world.field, sin_lat, cos_lat, state.lat, state.lon, state.h, v
+                world.params, world.field, kept, sin_lat, cos_lat, state.lat, state.lon, state.h, v
             )
         )
         carry[21:24] = state.lat, sin_lat, cos_lat
-        super().__init__(world, epoch_ns, propagate, carry, MAX_LATITUDE)
+        super().__init__(world, epoch_ns, propagate, carry, MAX_LATITUDE, kept)
 
     def _stopped(self, t: float, row: int) -> NumericalError:
         return super()._stopped(t, row) if np.isnan(self._carry[0]) else _beyond(t, row)

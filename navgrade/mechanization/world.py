@@ -11,6 +11,7 @@ from earth.disturbance import DisturbanceGrid
 from earth.ellipsoid import WGS84, Ellipsoid, EllipsoidParams
 from earth.gravity import DEFAULT, GravityField, GravityFunction, gravity_field
 from navgrade.mechanization.step import BARO, FREE, HOLD, Channel
+from navgrade.mechanization.terms import Terms
 from navgrade.state import NavState
 from navgrade.vertical import BaroLoop
 
@@ -34,12 +35,15 @@ class World:
     channel : Channel
     loop : BaroLoop or None
         Heights above the ellipsoid.
+    terms : Terms or None
+        What frame n keeps; None for all.
     """
 
     params: EllipsoidParams
     field: GravityField
     channel: Channel
     loop: BaroLoop | None = None
+    terms: Terms | None = None
 
     @classmethod
     def around(
@@ -50,6 +54,7 @@ class World:
         gravity: str | GravityFunction = DEFAULT,
         disturbance: GravityFunction | DisturbanceGrid | None = None,
         ellipsoid: Ellipsoid = WGS84,
+        terms: Terms | None = None,
     ) -> World:
         """Make the surroundings of a run that starts at `state`.
 
@@ -70,7 +75,7 @@ class World:
             mode = {"free": FREE, "hold": HOLD}[vertical]
             channel = Channel(mode, 0.0, 0.0, 0.0, state.h)
         field = gravity_field(gravity, disturbance, ellipsoid)
-        return cls(ellipsoid.params, field, channel, loop)
+        return cls(ellipsoid.params, field, channel, loop, terms)
 
     def start_velocity(self, state: NavState) -> Array:
         """Velocity the run starts with, NED; without a vertical part where height is held."""

@@ -83,10 +83,25 @@ def _rates_to_increments(blocks: Iterable[ImuSamples]) -> Iterator[ImuSamples]:
         yield _integrate(held, range(done, len(held)), is_head)
 
 
-def to_increments(blocks: Iterable[ImuSamples]) -> Iterator[ImuSamples]:
+def _from_stamp_to_stamp(blocks: Iterable[ImuSamples]) -> Iterator[ImuSamples]:
+    """Let the interval of each sample begin at the stamp before it."""
+    last: float | None = None
+    for block in blocks:
+        dt = block.dt.copy()
+        dt[1:] = np.diff(block.t)
+        if last is not None:
+            dt[0] = block.t[0] - last
+        last = float(block.t[-1])
+        yield replace(block, dt=dt)
+
+
+def to_increments(
+    blocks: Iterable[ImuSamples], *, keep_rates: bool = False
+) -> Iterator[ImuSamples]:
     """Turn blocks of any kind into increments; ``compensated`` ones stay what they are.
 
-    ``rate`` input is held back by two samples, because its integration looks that far ahead.
+    ``rate`` input is held back by two samples, because its integration looks that far ahead; with
+    `keep_rates` it stays what it is, each interval from the stamp before to its own.
     """
     iterator = iter(blocks)
     first = next(iterator, None)
@@ -98,7 +113,7 @@ def to_increments(blocks: Iterable[ImuSamples]) -> Iterator[ImuSamples]:
         yield from iterator
 
     if first.kind == "rate":
-        yield from _rates_to_increments(chain())
+        yield from (_from_stamp_to_stamp if keep_rates else _rates_to_increments)(chain())
         return
     for block in chain():
         if block.kind == "average":

@@ -41,6 +41,9 @@ class Reconstruction:
         arrays are of one stretch, and end where it ends or `back` and `ahead` samples further.
     back, ahead : int
         Samples it looks back and ahead.
+    of_rates : Reconstruction, optional
+        Of an algorithm that takes rates at the ends of the intervals: its form for samples of kind
+        ``rate``, which gets them as they are. For other algorithms they become increments first.
     """
 
     summary: str
@@ -49,6 +52,7 @@ class Reconstruction:
     loop: Callable[[Array, Array, Array, int, Array, Array, Array, NDArray[np.uint32]], None]
     back: int = 0
     ahead: int = 0
+    of_rates: Reconstruction | None = None
 
 
 @dataclass(frozen=True)
