@@ -89,14 +89,14 @@ def show_summary(summary: RunSummary) -> None:
 
 def show_comparison(found: Comparison) -> None:
     """Print what a comparison found."""
-    console.print(f"\n[bold]Horizontal error[/bold]  against {found.reference}", highlight=False)
-    rows = found.epoch_rows
-    row("", "".join(f"{time_text(float(t)):>12}" for t in found.epochs))
+    console.print("\n[bold]Horizontal error[/bold]", f"against {found.reference}")
+    lines = [("", [time_text(float(t)) for t in found.epochs])]
     for variant in found.variants:
-        cells = "".join(f"{length_text(float(x)):>12}" for x in variant.horizontal[rows])
-        row(variant.name, cells)
+        lines.append((variant.name, [length_text(x) for x in variant.horizontal[found.epoch_rows]]))
     if found.imu_error is not None:
-        row("IMU, 1σ stated", "".join(f"{length_text(float(x)):>12}" for x in found.imu_error))
+        lines.append(("IMU, 1σ stated", [length_text(x) for x in found.imu_error]))
+    for name, cells in lines:
+        console.print(f"{name:<26}" + "".join(f"{cell:>11}" for cell in cells), markup=False)
     console.print()
     for sentence in found.verdict:
         console.print(sentence, markup=False)

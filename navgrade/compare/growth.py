@@ -10,11 +10,12 @@ With b an error of horizontal acceleration and eps of angular rate about a horiz
 (Titterton & Weston, Strapdown Inertial Navigation Technology, 2nd ed. (2004), section 12.3; Groves,
 Principles of GNSS, Inertial and Multisensor Integrated Navigation Systems, 2nd ed. (2013), section
 5.7). The vertical channel diverges with sqrt(R/2g) = 570 s. The forms leave out the daily and the
-Foucault oscillation: within 4 % to one hour.
+Foucault oscillation: within 4 % to one hour. Of drivers that vary they are superposed.
 """
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,6 +26,7 @@ from earth.geodetic import radii
 from earth.gravity import normal_gravity_n
 
 Array = NDArray[np.float64]
+Response = Callable[[Array], Array]
 
 FLOOR = 1e-8  # m: smaller differences of positions are rounding
 _FIT_FROM = 1.0  # s
@@ -58,30 +60,41 @@ class Level:
         """Schuler rate, rad/s."""
         return float(np.sqrt(self.g / self.R))
 
-    def by_acceleration(self, b: Array | float, t: Array) -> Array:
-        """Horizontal error, m, of an acceleration error, m/s^2."""
+    # What an impulse leaves behind `s` seconds later, m: of velocity (1 m/s), of angle about a
+    # horizontal axis (1 rad), of position (1 m)
+
+    def after_push(self, s: Array) -> Array:
+        """Horizontal error, m, of 1 m/s."""
+        return np.asarray(np.sin(self.schuler * s) / self.schuler)
+
+    def after_tilt(self, s: Array) -> Array:
+        """Horizontal error, m, of 1 rad."""
+        return np.asarray(self.R * (1.0 - np.cos(self.schuler * s)))
+
+    def after_step(self, s: Array) -> Array:
+        """Horizontal error, m, of 1 m that the attitude does not follow."""
+        return np.asarray(np.cos(self.schuler * s))
+
+    def after_lift(self, s: Array) -> Array:
+        """Height error, m, of 1 m/s upwards."""
+        rate = np.sqrt(2.0) * self.schuler
+        return np.asarray(np.sinh(rate * s) / rate)
+
+    def flat_after_push(self, s: Array) -> Array:
+        """Error in a flat world, m, of 1 m/s."""
+        return s
+
+    def flat_after_tilt(self, s: Array) -> Array:
+        """Horizontal error in a flat world, m, of 1 rad."""
+        return np.asarray(0.5 * self.g * s * s)
+
+    def by_acceleration(self, b: float, t: Array) -> Array:
+        """Horizontal error, m, of a constant acceleration error, m/s^2."""
         return np.asarray(b * (1.0 - np.cos(self.schuler * t)) / self.schuler**2)
 
-    def by_rate(self, eps: Array | float, t: Array) -> Array:
-        """Horizontal error, m, of an angular rate error about a horizontal axis, rad/s."""
-        return self.R * eps * (t - np.sin(self.schuler * t) / self.schuler)
-
-    def by_velocity(self, v: Array | float, t: Array) -> Array:
-        """Horizontal error, m, of a velocity error at the start, m/s."""
-        return v * np.sin(self.schuler * t) / self.schuler
-
-    def vertical(self, b: Array | float, t: Array) -> Array:
-        """Height error, m, of a vertical acceleration error, m/s^2."""
-        rate = np.sqrt(2.0) * self.schuler
-        return np.asarray(b * (np.cosh(rate * t) - 1.0) / rate**2)
-
-    def flat_by_acceleration(self, b: Array | float, t: Array) -> Array:
-        """Horizontal error in a flat world, m, of an acceleration error, m/s^2."""
-        return 0.5 * b * t**2
-
-    def flat_by_rate(self, eps: Array | float, t: Array) -> Array:
-        """Horizontal error in a flat world, m, of an angular rate error, rad/s."""
-        return self.g * eps * t**3 / 6.0
+    def by_rate(self, eps: float, t: Array) -> Array:
+        """Horizontal error, m, of a constant rate error about a horizontal axis, rad/s."""
+        return np.asarray(self.R * eps * (t - np.sin(self.schuler * t) / self.schuler))
 
     def by_rate_noise(self, density: float, t: Array) -> Array:
         """1-sigma along one axis, m, of a white angular rate, rad/sqrt(s)."""
@@ -94,6 +107,33 @@ class Level:
         w = self.schuler
         variance = 0.5 * t - np.sin(2.0 * w * t) / (4.0 * w)
         return np.asarray(density / w * np.sqrt(np.maximum(variance, 0.0)))
+
+
+def superposed(response: Response, t: Array, driver: Array, epochs: Array) -> Array:
+    """The error at each epoch of a driver that varies with time: a sum over its impulses.
+
+    Parameters
+    ----------
+    response : callable
+        Of `Level`: what an impulse leaves behind after some time.
+    t : ndarray, shape (n,)
+        s, from 0 on.
+    driver : ndarray, shape (n,) or (n, m)
+        Straight lines between its rows, per second of the impulse's unit.
+    epochs : ndarray, shape (k,)
+        Among `t`.
+
+    Returns
+    -------
+    ndarray, shape (k,) or (k, m)
+        m.
+    """
+    return np.array(
+        [
+            np.trapezoid((response(epoch - t[:stop]) * driver[:stop].T).T, t[:stop], axis=0)
+            for epoch, stop in zip(epochs, np.searchsorted(t, epochs) + 1, strict=True)
+        ]
+    )
 
 
 def fit_power(t: Array, error: Array) -> tuple[float, float]:

@@ -15,7 +15,7 @@ from earth.geodetic import radii
 from earth.gravity import normal_gravity_n
 from earth.rates import omega_en_n
 from earth.rotation import quat_rotate
-from navgrade.compare.growth import Level, fit_power
+from navgrade.compare.growth import Level, Response, fit_power, superposed
 from navgrade.compare.result import Axis, Comparison, Group, Growth, Variant
 from navgrade.compare.sampling import Difference, States, at_times, difference, in_plane
 from navgrade.compare.verdict import verdict
@@ -67,104 +67,104 @@ _HORIZONTAL: Axis = "horizontal"
 
 @dataclass(frozen=True, eq=False)
 class _Drive:
-    """What drives the error of each term, as means from the start to each epoch.
+    """What drives the error of each term, along the full engine's solution.
 
     Attributes
     ----------
-    t : ndarray, shape (k,)
     level : Level
-    velocity : ndarray, shape (k, 2)
-        Displacement north and east over time, m/s.
-    coriolis : ndarray, shape (k, 3)
+        At the start.
+    t : ndarray, shape (m,)
+        s, from 0 on.
+    epochs : ndarray, shape (k,)
+    v_eb_n : ndarray, shape (m, 3)
+    coriolis : ndarray, shape (m, 3)
         (2 omega_ie + omega_en) x v, m/s^2.
-    north_gravity, by_height, by_latitude : ndarray, shape (k,)
+    north_gravity, by_height, by_latitude : ndarray, shape (m,)
         Gravity northward; what the change of height and of latitude change it by, m/s^2.
-    earth_rate : ndarray, shape (3,)
-        omega_ie at the start, rad/s.
+    omega_ie_n : ndarray, shape (m, 3)
     scale : ndarray, shape (2,)
         Radii of the ellipsoid over those of the sphere, north and east, less one.
     body : dict of str to ndarray, shape (k, 3)
-        Rates or accelerations in n that the body stage's terms add, by term.
+        Error in n at the epochs that each of the body stage's terms would leave, m.
     """
 
-    t: Array
     level: Level
-    velocity: Array
+    t: Array
+    epochs: Array
+    v_eb_n: Array
     coriolis: Array
     north_gravity: Array
     by_height: Array
     by_latitude: Array
-    earth_rate: Array
+    omega_ie_n: Array
     scale: Array
     body: dict[str, Array]
 
+    def error(self, response: Response, driver: Array) -> Array:
+        """Length of the horizontal error at the epochs, m."""
+        return _length(superposed(response, self.t, driver, self.epochs))
+
 
 def _length(v: Array) -> Array:
-    return np.asarray(np.linalg.norm(v[..., :2], axis=-1))
+    return np.abs(v) if v.ndim == 1 else np.asarray(np.hypot(v[:, 0], v[:, 1]))
 
 
 def _flat(d: _Drive) -> Array:
-    north, _, down = d.earth_rate
-    tilt = d.velocity / d.level.R + np.array([0.0, north])
-    v_n, v_e = d.velocity.T
+    """Tilt by the Earth's rate and by the way travelled, and Coriolis, all unaccounted for."""
+    north, _, down = d.omega_ie_n.T
+    v_n, v_e, _ = d.v_eb_n.T
+    tilt = d.v_eb_n[:, :2] / d.level.R + np.stack([0.0 * north, north], axis=-1)
     coriolis = 2.0 * np.stack([-down * v_e, down * v_n], axis=-1)
-    t = d.t[:, None]
-    return _length(d.level.flat_by_rate(tilt, t) + d.level.flat_by_acceleration(coriolis, t))
+    return _length(
+        superposed(d.level.flat_after_tilt, d.t, tilt, d.epochs)
+        + superposed(d.level.flat_after_push, d.t, coriolis, d.epochs)
+    )
 
 
-# The closed form of each variant: as people read it, along which axis, and as it is computed.
+# The closed form of each variant: as people read it, for a driver that stays the same; along which
+# axis; and as it is computed, for the driver as it was.
 _FORMS: dict[str, tuple[str, Axis, Callable[[_Drive], Array]]] = {
-    **dict.fromkeys(FLAT, ("|g (Ω cos L e + v/R) t³/6 + Ω×v t²|", "horizontal", _flat)),
+    **dict.fromkeys(
+        (*FLAT, *FLAT_COMPENSATED), ("|g (Ω cos L e + v/R) t³/6 + Ω×v t²|", "horizontal", _flat)
+    ),
     "earth-rate": (
         "R Ω cos L (t − sin(ωₛt)/ωₛ)",
         "horizontal",
-        lambda d: d.level.by_rate(d.earth_rate[0], d.t),
+        lambda d: d.error(d.level.after_tilt, d.omega_ie_n),
     ),
     "transport-rate": (
         "v (t − sin(ωₛt)/ωₛ)",
         "horizontal",
-        lambda d: d.level.by_rate(_length(d.velocity) / d.level.R, d.t),
+        lambda d: d.error(d.level.after_tilt, d.v_eb_n / d.level.R),
     ),
     "coriolis": (
-        "|(2Ω+ω)×v| (1 − cos ωₛt)/ωₛ²",
+        "|(2Ω + ω)×v| (1 − cos ωₛt)/ωₛ²",
         "horizontal",
-        lambda d: d.level.by_acceleration(_length(d.coriolis), d.t),
+        lambda d: d.error(d.level.after_push, d.coriolis),
     ),
     "ellipsoid": (
         "v (M/R₀ − 1) sin(ωₛt)/ωₛ",
         "horizontal",
-        lambda d: d.level.by_velocity(_length(d.velocity * d.scale), d.t),
+        lambda d: d.error(d.level.after_step, d.v_eb_n[:, :2] * d.scale),
     ),
     "gravity-height": (
-        "δg (cosh(√2 ωₛt) − 1)/2ωₛ²",
+        "δg t²/2",
         "vertical",
-        lambda d: d.level.vertical(np.abs(d.by_height), d.t),
+        lambda d: d.error(d.level.flat_after_push, d.by_height),
     ),
     "gravity-latitude": (
         "δg (cosh(√2 ωₛt) − 1)/2ωₛ²",
         "vertical",
-        lambda d: d.level.vertical(np.abs(d.by_latitude), d.t),
+        lambda d: d.error(d.level.after_lift, d.by_latitude),
     ),
     "north-gravity": (
         "g_N (1 − cos ωₛt)/ωₛ²",
         "horizontal",
-        lambda d: d.level.by_acceleration(np.abs(d.north_gravity), d.t),
+        lambda d: d.error(d.level.after_push, d.north_gravity),
     ),
-    "coning": (
-        "R ε (t − sin(ωₛt)/ωₛ)",
-        "horizontal",
-        lambda d: d.level.by_rate(_length(d.body["coning"]), d.t),
-    ),
-    "sculling": (
-        "b (1 − cos ωₛt)/ωₛ²",
-        "horizontal",
-        lambda d: d.level.by_acceleration(_length(d.body["sculling"]), d.t),
-    ),
-    "rotation": (
-        "b (1 − cos ωₛt)/ωₛ²",
-        "horizontal",
-        lambda d: d.level.by_acceleration(_length(d.body["rotation"]), d.t),
-    ),
+    "coning": ("R ε (t − sin(ωₛt)/ωₛ)", "horizontal", lambda d: _length(d.body["coning"])),
+    "sculling": ("b (1 − cos ωₛt)/ωₛ²", "horizontal", lambda d: _length(d.body["sculling"])),
+    "rotation": ("b (1 − cos ωₛt)/ωₛ²", "horizontal", lambda d: _length(d.body["rotation"])),
 }
 
 
@@ -234,8 +234,8 @@ def compare(
         )
         for name in terms
     ]
-    means = _body_means(imu, state.t, pieces, reconstruction, epochs, body)
-    drive = _drive(state, full, t, epochs, means)
+    left = _body_errors(imu, state, pieces, reconstruction, epochs, body)
+    drive = _drive(state, full, t, epochs, left)
     notes = _notes(site, choices, truth)
     found: list[tuple[str, str, Group, States]] = [
         ("engine", f"Earth frame, {reconstruction}", "engine", full)
@@ -381,67 +381,68 @@ def _truth_at(truth: Track, epoch_ns: int, at: Array) -> States:
     return known.rows(rows)
 
 
-def _means(t: Array, values: Array, epochs: Array) -> Array:
-    """Means of rows of values from the start to each epoch; before the first row, that row."""
-    t0 = np.concatenate([[0.0], t])
-    v0 = np.concatenate([values[:1], values])
-    area = np.diff(t0).reshape(-1, *[1] * (values.ndim - 1)) * 0.5 * (v0[1:] + v0[:-1])
-    sums = np.cumsum(area, axis=0)[np.searchsorted(t, epochs)]
-    return np.asarray(sums / epochs.reshape(-1, *[1] * (values.ndim - 1)))
-
-
 def _drive(
     state: NavState, full: States, t: Array, epochs: Array, body: dict[str, Array]
 ) -> _Drive:
-    level = Level.at(state.lat, state.h)
-    v = full.v_eb_n
-    turn = 2.0 * omega_ie_n(full.lat) + omega_en_n(full.lat, full.h, v)
+    first = States(
+        *(np.array([x]) for x in (state.lat, state.lon, state.h, state.v_eb_n, state.q_nb))
+    )
+    along = first.then(full)
+    v = along.v_eb_n
+    turn = 2.0 * omega_ie_n(along.lat) + omega_en_n(along.lat, along.h, v)
     meridian, transverse = radii(WGS84.params, np.sin(state.lat))
-    gravity = normal_gravity_n(full.lat, full.h)
     at_start = float(normal_gravity_n(state.lat, state.h)[2])
     return _Drive(
-        t=epochs,
-        level=level,
-        velocity=_means(t, v[:, :2], epochs),
-        coriolis=_means(t, np.cross(turn, v), epochs),
-        north_gravity=_means(t, gravity[:, 0], epochs),
-        by_height=_means(t, normal_gravity_n(state.lat, full.h)[:, 2] - at_start, epochs),
-        by_latitude=_means(t, normal_gravity_n(full.lat, state.h)[:, 2] - at_start, epochs),
-        earth_rate=np.asarray(omega_ie_n(state.lat)),
+        level=Level.at(state.lat, state.h),
+        t=np.concatenate([[0.0], t]),
+        epochs=epochs,
+        v_eb_n=v,
+        coriolis=np.cross(turn, v),
+        north_gravity=normal_gravity_n(along.lat, along.h)[:, 0],
+        by_height=normal_gravity_n(state.lat, along.h)[:, 2] - at_start,
+        by_latitude=normal_gravity_n(along.lat, state.h)[:, 2] - at_start,
+        omega_ie_n=omega_ie_n(along.lat),
         scale=(np.array([meridian, transverse]) + state.h) / (SPHERE + state.h) - 1.0,
         body=body,
     )
 
 
-def _body_means(
+def _body_errors(
     imu: ImuSamples,
-    start: float,
+    state: NavState,
     pieces: Sequence[Trajectory],
     reconstruction: str,
     epochs: Array,
     terms: Iterable[str],
 ) -> dict[str, Array]:
-    """What each term of the body stage adds: mean rates or accelerations in n up to each epoch."""
-    means = {}
-    q_nb = np.concatenate([piece.q_nb for piece in pieces])
-    t = np.concatenate([piece.t for piece in pieces])
+    """The error in n at the epochs that the impulses of each body term would leave, m."""
+    level = Level.at(state.lat, state.h)
+    q_nb = np.concatenate([state.q_nb[None, :], *(piece.q_nb for piece in pieces)])[:-1]
+    t = np.concatenate([piece.t for piece in pieces]) - state.t
+    stops = np.searchsorted(t, epochs - 1e-6) + 1
     raw = list(to_increments(imu.blocks(BLOCK)))
+    errors = {}
     for term in terms:
-        moments = []
+        added = []
         whole = reconstruct(raw, reconstruction)
         for full, less in zip(whole, reconstruct(raw, reconstruction, without=term), strict=True):
-            moments.append(full.phi - less.phi if term == "coning" else full.dv - less.dv)
-        added = np.concatenate(moments)[-len(t) :]
-        in_n = np.stack(quat_rotate(tuple(q_nb.T), tuple(added.T)), axis=-1)
-        rows = np.searchsorted(t, start + epochs - 1e-9).clip(max=len(t) - 1)
-        means[term] = np.cumsum(in_n, axis=0)[rows] / epochs[:, None]
-    return means
+            added.append(full.phi - less.phi if term == "coning" else full.dv - less.dv)
+        in_b = np.concatenate(added)[-len(t) :]
+        in_n = np.stack(quat_rotate(tuple(q_nb.T), tuple(in_b.T)), axis=-1)
+        response = level.after_tilt if term == "coning" else level.after_push
+        errors[term] = np.stack(
+            [
+                response(epoch - t[:stop]) @ in_n[:stop]
+                for epoch, stop in zip(epochs, stops, strict=True)
+            ]
+        )
+    return errors
 
 
 def _growth(name: str, apart: Difference, t: Array, drive: _Drive) -> Growth:
     form = _FORMS.get(name.removeprefix("without-"))
     if form is None:
-        formula, axis, predicted = "", _HORIZONTAL, np.full(len(drive.t), np.nan)
+        formula, axis, predicted = "", _HORIZONTAL, np.full(len(drive.epochs), np.nan)
     else:
         formula, axis, predicted = form[0], form[1], form[2](drive)
     error = _length(apart.position) if axis == "horizontal" else np.abs(apart.position[:, 2])

@@ -21,7 +21,7 @@ def length_text(metres: float) -> str:
     sizes = (("km", 1e3), ("m", 1.0), ("mm", 1e-3), ("µm", 1e-6))
     size = next((size for size in sizes if abs(metres) >= size[1]), None)
     if size is None:
-        return "less than 1 µm"
+        return "< 1 µm"
     value = metres / size[1]
     return f"{value:,.0f} {size[0]}" if abs(value) >= 100.0 else f"{value:.2g} {size[0]}"
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from navgrade.compare.growth import FLOOR, Level, fit_power
+from navgrade.compare.growth import FLOOR, Level, fit_power, superposed
 
 LEVEL = Level.at(math.radians(-33.5), 250.0)
 T = np.array([1.0, 60.0, 600.0, 3600.0, 7200.0])
@@ -40,28 +40,43 @@ def test_horizontal_forms_solve_the_schuler_pendulum() -> None:
     def pendulum(b: float, eps: float) -> object:
         return lambda t, y: [y[1], b - g * y[2], y[1] / R - eps]
 
-    b, eps, v = 5e-4, 5e-8, 0.1  # m/s², rad/s, m/s
+    b, eps = 5e-4, 5e-8  # m/s², rad/s
     for closed, truth in (
         (LEVEL.by_acceleration(b, T), integrated(pendulum(b, 0.0), [0.0, 0.0, 0.0])),
         (LEVEL.by_rate(eps, T), integrated(pendulum(0.0, eps), [0.0, 0.0, 0.0])),
-        (LEVEL.by_velocity(v, T), integrated(pendulum(0.0, 0.0), [0.0, v, 0.0])),
+        (LEVEL.after_push(T), integrated(pendulum(0.0, 0.0), [0.0, 1.0, 0.0])),
+        (LEVEL.after_tilt(T), integrated(pendulum(0.0, 0.0), [0.0, 0.0, -1.0])),
+        (LEVEL.after_step(T), integrated(pendulum(0.0, 0.0), [1.0, 0.0, 1.0 / R])),
     ):
         assert closed == pytest.approx(truth, rel=1e-6)  # after 1 s eight digits are lost
 
 
 def test_vertical_form_solves_the_unstable_channel() -> None:
-    b = 1e-3  # m/s²
-    truth = integrated(lambda t, y: [y[1], b + 2.0 * LEVEL.g / LEVEL.R * y[0]], [0.0, 0.0])
-    assert LEVEL.vertical(b, T) == pytest.approx(truth, rel=1e-8)
+    truth = integrated(lambda t, y: [y[1], 2.0 * LEVEL.g / LEVEL.R * y[0]], [0.0, 1.0])
+    assert LEVEL.after_lift(T) == pytest.approx(truth, rel=1e-8)
+
+
+def test_a_driver_that_varies_is_superposed() -> None:
+    """A force that comes and goes, over the Earth, against the pendulum driven by it."""
+    R, g = LEVEL.R, LEVEL.g
+
+    def rates(t: float, y: list[float]) -> list[float]:
+        return [y[1], 1e-3 * math.sin(t / 300.0) - g * y[2], y[1] / R]
+
+    t = np.linspace(0.0, T[-1], 7201)
+    found = superposed(LEVEL.after_push, t, 1e-3 * np.sin(t / 300.0), T)
+    assert found[1:] == pytest.approx(integrated(rates, [0.0, 0.0, 0.0])[1:], rel=1e-3)
+    sides = superposed(LEVEL.after_push, t, np.stack([0 * t, 1e-3 * np.sin(t / 300.0)], -1), T)
+    assert np.array_equal(sides[:, 1], found) and not sides[:, 0].any()
 
 
 def test_flat_forms_are_the_first_terms_of_the_earth_s() -> None:
     """The relative excess of the flat form is (w t)²/12 and (w t)²/20."""
     t = np.array([60.0])
     excess = (LEVEL.schuler * t) ** 2
-    ratio = LEVEL.flat_by_acceleration(1.0, t) / LEVEL.by_acceleration(1.0, t)
+    ratio = 0.5 * t**2 / LEVEL.by_acceleration(1.0, t)
     assert ratio - 1.0 == pytest.approx(excess / 12.0, rel=0.01)
-    ratio = LEVEL.flat_by_rate(1e-6, t) / LEVEL.by_rate(1e-6, t)
+    ratio = LEVEL.g * 1e-6 * t**3 / 6.0 / LEVEL.by_rate(1e-6, t)
     assert ratio - 1.0 == pytest.approx(excess / 20.0, rel=0.01)
 
 
@@ -69,9 +84,9 @@ def test_flat_world_at_rest_at_45_degrees() -> None:
     """g Omega cos L t³/6, printed: 18.2 m after 60 s and 2275 m after 300 s."""
     level = Level.at(math.radians(45.0), 0.0)
     eps = 7.292115e-5 * math.cos(math.radians(45.0))  # rad/s
-    assert level.flat_by_rate(eps, np.array([60.0, 300.0])) == pytest.approx(
-        [18.2, 2275.0], rel=3e-3
-    )
+    t = np.linspace(0.0, 300.0, 3001)
+    found = superposed(level.flat_after_tilt, t, np.full_like(t, eps), np.array([60.0, 300.0]))
+    assert found == pytest.approx([18.2, 2275.0], rel=3e-3)
 
 
 def test_noise_is_that_of_the_impulse_response() -> None:

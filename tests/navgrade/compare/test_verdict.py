@@ -16,7 +16,7 @@ from navgrade.compare.verdict import crossing, length_text, time_text
         (512345.0, "512 km"),
         (0.0053, "5.3 mm"),
         (3.1e-5, "31 µm"),
-        (2e-8, "less than 1 µm"),
+        (2e-8, "< 1 µm"),
         (-150.0, "-150 m"),
         (np.nan, "—"),
     ],
