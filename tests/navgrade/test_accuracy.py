@@ -77,8 +77,9 @@ def test_attitude_error_at_a_pole_does_not_depend_on_north(away: float) -> None:
 def test_first_samples_without_context(reconstruction: str) -> None:
     """A log that starts in motion costs its short first windows, below 4 micrometres in 10 s."""
     edges = np.arange(2001) * 0.005 + 3.0
-    # m after 10 s: without compensation 40 mm, with the samples of one interval 1.7 um
-    limit = {"none": 0.1}.get(reconstruction, 4e-6)
+    # m after 10 s: without compensation 40 mm, with the samples of one interval 1.7 um; Euler too
+    # leaves 40 mm, and the means of both ends 9 um, by the curvature of rate and force
+    limit = {"none": 0.1, "euler": 0.1, "midpoint": 2e-5}.get(reconstruction, 4e-6)
     nav, truth = fly(turning_vehicle(), edges, reconstruction=reconstruction)
     error = position_error(nav, truth)
     assert max(error.horizontal, error.vertical) < limit

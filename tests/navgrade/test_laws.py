@@ -111,13 +111,17 @@ def test_still_stays_still(reconstruction: str, mechanization: str, lat_deg: flo
     error = position_error(nav, truth)
     # m: the gravity fit, 1e-12 m/s^2 here, is 7 nm after 120 s. Frame i sees gravity turn and
     # takes it at the middle of intervals of up to 80 ms (four samples): g (omega dt)^2 / 24 =
-    # 1.4e-11 m/s^2, 0.1 um. "none" leaves theta x v / 2, 5e-6 m/s^2 at 50 Hz, 36 mm.
-    limit = 0.04 if reconstruction == "none" else 1e-7
+    # 1.4e-11 m/s^2, 0.1 um. "none" and "euler" leave theta x v / 2, 5e-6 m/s^2 at 50 Hz, 36 mm;
+    # "midpoint" moves by half of dv dt, dt theta x v / 12 too far: 24 nm/s, 2.9 um
+    limit = {"none": 0.04, "euler": 0.04, "midpoint": 4e-6}.get(reconstruction, 1e-7)
     assert error.horizontal < limit
     assert error.vertical < limit
-    if reconstruction != "none":
+    if reconstruction not in ("none", "euler"):
         assert np.abs(nav.v_eb_n).max() < 2e-9  # m/s: the same over 120 s
-        assert attitude_error(nav, truth).max() < 1e-13  # rad: 6,000 roundings, compensated
+        # rad: 6,000 roundings, compensated; a false way turns level and north, tan(45°) times too
+        assert attitude_error(nav, truth).max() < 1e-13 + (
+            2.0 * limit / 6.4e6 if limit > 1e-7 else 0.0
+        )
 
 
 # --- the errors of a navigator at rest are swings and a runaway -----------------------------------
@@ -372,8 +376,9 @@ def test_time_reversal_returns_to_the_start(reconstruction: str, mechanization: 
     true = state_at(manoeuvre(), end)
     slip = (end - start.t) * float(np.linalg.norm(there.v_eb_n - true.v_eb_n))
     assert away < 2.0 * (distance(there, true) + slip) + 1e-8
-    if getattr(RECONSTRUCTIONS[reconstruction], "ahead", 0):
-        # a window that looks ahead as far as back retraces its steps: rounding alone is left
+    if getattr(RECONSTRUCTIONS[reconstruction], "ahead", 0) and reconstruction != "euler":
+        # a window that looks ahead as far as back retraces its steps: rounding alone is left; but
+        # Euler takes the rate at the start, which is the end on the way back
         assert away < 1e-8  # m
         assert np.abs(home.v_eb_n - start.v_eb_n).max() < 5e-11  # m/s
 

@@ -20,13 +20,23 @@ from scipy.spatial.transform import Rotation
 
 from navgrade import ImuSamples
 from navgrade.imu import BodyIncrements
-from navgrade.reconstruction import RECONSTRUCTIONS, centred, coning, stream, to_increments
+from navgrade.reconstruction import (
+    RECONSTRUCTIONS,
+    centred,
+    coning,
+    stream,
+    takes_rates,
+    to_increments,
+)
 from navgrade.reconstruction.stream import BlockForm
 from tests.navgrade.body import Polynomial, log_of, rebuilt, same_bits, varied_log
 
 Array = NDArray[np.float64]
 
-CORRECTED = [name for name in RECONSTRUCTIONS if name != "none"]
+OF_RATES = [name for name in RECONSTRUCTIONS if takes_rates(name)]
+OF_INCREMENTS = [name for name in RECONSTRUCTIONS if not takes_rates(name)]
+# a scheme of rates at points turns the force in steps, exact for no constant rate
+CORRECTED = [name for name in OF_INCREMENTS if name != "none"]
 WINDOWS = [int(name.split("-")[1]) for name in RECONSTRUCTIONS if name.startswith("centred")]
 EPS = 2.0**-53  # relative: half a unit in the last place, one rounding
 
@@ -440,7 +450,7 @@ def test_none_passes_increments_as_they_are() -> None:
     assert not rows.status.any()
 
 
-@pytest.mark.parametrize("name", RECONSTRUCTIONS)
+@pytest.mark.parametrize("name", OF_INCREMENTS)
 def test_compensated_input_is_not_corrected_again(name: str) -> None:
     """Whatever the algorithm, block forms too."""
     log = dataclasses.replace(
@@ -451,6 +461,13 @@ def test_compensated_input_is_not_corrected_again(name: str) -> None:
         assert getattr(rows, column).tobytes() == getattr(log, passed).tobytes()
     assert not rows.status.any()
     assert same_bits(rows, rebuilt(log, "causal-1"))
+
+
+@pytest.mark.parametrize("name", OF_RATES)
+def test_compensated_input_holds_no_rates(name: str) -> None:
+    log = dataclasses.replace(log_of(np.full(40, 0.01)), kind="compensated")
+    with pytest.raises(ValueError, match=f"'{name}' needs the rates themselves"):
+        rebuilt(log, name)
 
 
 def exactly_compensated(

@@ -22,6 +22,9 @@ Array = NDArray[np.float64]
 
 H = 0.01  # s
 SHORT, SHIFTED = Status.SHORT_WINDOW, Status.SHIFTED_WINDOW
+AROUND = 6  # samples that make the rate at a point
+# of rates at points: those before and after the start of an interval that are taken
+POINTS = {"euler": (0, 0), "midpoint": (0, 1), "rk4": (1, 2)}
 CENTRED = [name for name in RECONSTRUCTIONS if name.startswith("centred")]
 NEIGHBOURLY = [name for name in RECONSTRUCTIONS if name not in ("none", "causal-0")]
 
@@ -29,6 +32,23 @@ NEIGHBOURLY = [name for name in RECONSTRUCTIONS if name not in ("none", "causal-
 def size_of(name: str) -> int:
     """The number in the name: previous samples, samples of a block, or of a centred window."""
     return int(name.partition("-")[2] or 0)
+
+
+def around_points(name: str, start: int, end: int) -> list[tuple[int, int, int]]:
+    """Rows of a stretch for an algorithm of rates at points."""
+    rows = []
+    back, ahead = POINTS[name]
+    for k in range(start, end):
+        if end - start < AROUND:
+            rows.append((start, end, SHORT))
+            continue
+        points = np.arange(k - back, k + ahead + 1)
+        shift = max(start - points[0], 0) - max(points[-1] - end, 0)
+        first = points + shift - AROUND // 2
+        moved = np.clip(first, start, end - AROUND)
+        status = SHIFTED if shift or np.any(moved != first) else 0
+        rows.append((int(moved[0]), int(moved[-1]) + AROUND, status))
+    return rows
 
 
 def windows(name: str, lengths: list[int]) -> list[tuple[int, int, int]]:
@@ -42,6 +62,8 @@ def windows(name: str, lengths: list[int]) -> list[tuple[int, int, int]]:
             for k in range(start, end, size):
                 stop = min(k + size, end)
                 rows.append((k, stop, SHORT if stop - k < size else 0))
+        elif name in POINTS:
+            rows += around_points(name, start, end)
         elif name.startswith("centred"):
             for k in range(start, end):
                 if length < size:
@@ -151,7 +173,7 @@ def test_what_happened_to_the_samples_is_kept(name: str) -> None:
 @pytest.mark.parametrize("name", NEIGHBOURLY)
 def test_only_intervals_within_one_window_are_compared(name: str, reaches: bool) -> None:
     """From 1 to 16 by way of 4: a cut where a window would hold the first and the last."""
-    span = size_of(name) + name.startswith("causal")
+    span = AROUND if name in POINTS else size_of(name) + name.startswith("causal")
     between = span - 2 if reaches else span - 1
     log = log_of(steps((20, 0.5), (between, 2.0), (20, 8.0)))
     lengths = [20 + between, 20] if reaches else [40 + between]

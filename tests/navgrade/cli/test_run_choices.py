@@ -151,10 +151,10 @@ def test_every_reconstruction_can_be_named_in_the_site_file(bench: Bench) -> Non
         ends[name] = positions(bench)[-1]
     reference = ends.pop("centred-9")
     apart = {name: float(np.abs(end - reference).max()) for name, end in ends.items()}
-    none = apart.pop("none")
+    without = apart.pop("none"), apart.pop("euler")  # the force is not turned within an interval
     # m: rates of 2 deg/s at 0.5 Hz leave less than 1 mm in 6 s at 50 Hz, if they are compensated
     assert max(apart.values()) < 1e-3
-    assert none > 2.0 * max(apart.values())
+    assert min(without) > 2.0 * max(apart.values())
 
 
 # ---- frames ------------------------------------------------------------------------------------
