@@ -29,6 +29,7 @@ Array = NDArray[np.float64]
 Response = Callable[[Array], Array]
 
 FLOOR = 1e-8  # m: smaller differences of positions are rounding
+_TIE = 1e-6  # s
 _FIT_FROM = 1.0  # s
 _FIT_TO = 1200.0  # s: a quarter of the Schuler period, where bounded errors still grow
 
@@ -131,9 +132,38 @@ def superposed(response: Response, t: Array, driver: Array, epochs: Array) -> Ar
     return np.array(
         [
             np.trapezoid((response(epoch - t[:stop]) * driver[:stop].T).T, t[:stop], axis=0)
-            for epoch, stop in zip(epochs, np.searchsorted(t, epochs) + 1, strict=True)
+            for epoch, stop in zip(epochs, np.searchsorted(t, epochs - _TIE) + 1, strict=True)
         ]
     )
+
+
+def turned(t: Array, turns: Array, r: Array, v: Array, epochs: Array) -> Array:
+    """The error at each epoch of turns about the vertical, which turn what is accelerated later.
+
+    A turn moves the position across the way gained after it over what the speed held would give.
+
+    Parameters
+    ----------
+    t : ndarray, shape (n,)
+        s.
+    turns : ndarray, shape (n,)
+        Errors of heading, rad: ``phi_n`` downwards, that arise at `t`.
+    r, v : ndarray, shape (n, 2)
+        Displacement and velocity along north and east, m and m/s.
+    epochs : ndarray, shape (k,)
+        Among `t`.
+
+    Returns
+    -------
+    ndarray, shape (k, 2)
+        North and east, m.
+    """
+    found = np.empty((len(epochs), 2))
+    for k, row in enumerate(np.searchsorted(t, epochs - _TIE)):
+        gained = r[row] - r[:row] - v[:row] * (t[row] - t[:row, None])
+        north, east = turns[:row] @ gained
+        found[k] = east, -north
+    return found
 
 
 def fit_power(t: Array, error: Array) -> tuple[float, float]:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.integrate import cumulative_trapezoid
 
 from earth import omega_ie_n
 from earth.ellipsoid import WGS84
@@ -15,7 +16,7 @@ from earth.geodetic import radii
 from earth.gravity import normal_gravity_n
 from earth.rates import omega_en_n
 from earth.rotation import quat_rotate
-from navgrade.compare.growth import Level, Response, fit_power, superposed
+from navgrade.compare.growth import Level, Response, fit_power, superposed, turned
 from navgrade.compare.result import Axis, Comparison, Group, Growth, Variant
 from navgrade.compare.sampling import Difference, States, at_times, difference, in_plane
 from navgrade.compare.verdict import verdict
@@ -24,7 +25,7 @@ from navgrade.imu import ImuSamples, concatenate
 from navgrade.job import AlignedWindow, Choices, setting, starting_state
 from navgrade.logs import ImuLog, Track
 from navgrade.mechanization.terms import SPHERE
-from navgrade.navigation import BLOCK, TERMS, solve
+from navgrade.navigation import BLOCK, TERMS, navigate, solve
 from navgrade.reconstruction import (
     BODY_TERMS,
     DEFAULT,
@@ -81,11 +82,11 @@ class _Drive:
         (2 omega_ie + omega_en) x v, m/s^2.
     north_gravity, by_height, by_latitude : ndarray, shape (m,)
         Gravity northward; what the change of height and of latitude change it by, m/s^2.
-    omega_ie_n : ndarray, shape (m, 3)
+    omega_ie_n, omega_en_n : ndarray, shape (m, 3)
     scale : ndarray, shape (2,)
         Radii of the ellipsoid over those of the sphere, north and east, less one.
-    body : dict of str to ndarray, shape (k, 3)
-        Error in n at the epochs that each of the body stage's terms would leave, m.
+    body : dict of str to ndarray, shape (k, 2)
+        Error north and east at the epochs that each of the body stage's terms would leave, m.
     """
 
     level: Level
@@ -97,12 +98,20 @@ class _Drive:
     by_height: Array
     by_latitude: Array
     omega_ie_n: Array
+    omega_en_n: Array
     scale: Array
     body: dict[str, Array]
 
-    def error(self, response: Response, driver: Array) -> Array:
-        """Length of the horizontal error at the epochs, m."""
+    def pushed(self, response: Response, driver: Array) -> Array:
+        """Horizontal error at the epochs of an acceleration or a velocity, m."""
         return _length(superposed(response, self.t, driver, self.epochs))
+
+    def tilted(self, response: Response, rho: Array) -> Array:
+        """Error north and east at the epochs of an attitude error that grows by `rho`, rad/s."""
+        level = superposed(response, self.t, rho[:, [1, 0]] * [1.0, -1.0], self.epochs)
+        turns = rho[:, 2] * np.gradient(self.t)
+        r = cumulative_trapezoid(self.v_eb_n[:, :2], self.t, axis=0, initial=0.0)
+        return level + turned(self.t, turns, r, self.v_eb_n[:, :2], self.epochs)
 
 
 def _length(v: Array) -> Array:
@@ -110,13 +119,13 @@ def _length(v: Array) -> Array:
 
 
 def _flat(d: _Drive) -> Array:
-    """Tilt by the Earth's rate and by the way travelled, and Coriolis, all unaccounted for."""
-    north, _, down = d.omega_ie_n.T
+    """The Earth's rate, the way travelled over its curvature, and Coriolis, unaccounted for."""
     v_n, v_e, _ = d.v_eb_n.T
-    tilt = d.v_eb_n[:, :2] / d.level.R + np.stack([0.0 * north, north], axis=-1)
-    coriolis = 2.0 * np.stack([-down * v_e, down * v_n], axis=-1)
+    _, _, omega_d = d.omega_ie_n.T
+    curved = np.stack([-v_e, v_n, 0.0 * v_n], axis=-1) / d.level.R
+    coriolis = 2.0 * np.stack([-omega_d * v_e, omega_d * v_n], axis=-1)
     return _length(
-        superposed(d.level.flat_after_tilt, d.t, tilt, d.epochs)
+        d.tilted(d.level.flat_after_tilt, curved - d.omega_ie_n)
         + superposed(d.level.flat_after_push, d.t, coriolis, d.epochs)
     )
 
@@ -130,37 +139,37 @@ _FORMS: dict[str, tuple[str, Axis, Callable[[_Drive], Array]]] = {
     "earth-rate": (
         "R Ω cos L (t − sin(ωₛt)/ωₛ)",
         "horizontal",
-        lambda d: d.error(d.level.after_tilt, d.omega_ie_n),
+        lambda d: _length(d.tilted(d.level.after_tilt, -d.omega_ie_n)),
     ),
     "transport-rate": (
         "v (t − sin(ωₛt)/ωₛ)",
         "horizontal",
-        lambda d: d.error(d.level.after_tilt, d.v_eb_n / d.level.R),
+        lambda d: _length(d.tilted(d.level.after_tilt, -d.omega_en_n)),
     ),
     "coriolis": (
         "|(2Ω + ω)×v| (1 − cos ωₛt)/ωₛ²",
         "horizontal",
-        lambda d: d.error(d.level.after_push, d.coriolis),
+        lambda d: d.pushed(d.level.after_push, d.coriolis),
     ),
     "ellipsoid": (
         "v (M/R₀ − 1) sin(ωₛt)/ωₛ",
         "horizontal",
-        lambda d: d.error(d.level.after_step, d.v_eb_n[:, :2] * d.scale),
+        lambda d: d.pushed(d.level.after_step, d.v_eb_n[:, :2] * d.scale),
     ),
     "gravity-height": (
         "δg t²/2",
         "vertical",
-        lambda d: d.error(d.level.flat_after_push, d.by_height),
+        lambda d: d.pushed(d.level.flat_after_push, d.by_height),
     ),
     "gravity-latitude": (
         "δg (cosh(√2 ωₛt) − 1)/2ωₛ²",
         "vertical",
-        lambda d: d.error(d.level.after_lift, d.by_latitude),
+        lambda d: d.pushed(d.level.after_lift, d.by_latitude),
     ),
     "north-gravity": (
         "g_N (1 − cos ωₛt)/ωₛ²",
         "horizontal",
-        lambda d: d.error(d.level.after_push, d.north_gravity),
+        lambda d: d.pushed(d.level.after_push, d.north_gravity),
     ),
     "coning": ("R ε (t − sin(ωₛt)/ωₛ)", "horizontal", lambda d: _length(d.body["coning"])),
     "sculling": ("b (1 − cos ωₛt)/ωₛ²", "horizontal", lambda d: _length(d.body["sculling"])),
@@ -215,8 +224,8 @@ def compare(
     t = at - state.t
     epochs = _epochs(t)
     common: dict[str, Any] = {"bridge_gaps": choices.bridge_gaps}
-    pieces = list(solve(imu.blocks(BLOCK), state, reconstruction=reconstruction, **common))
-    full, _ = at_times(pieces, state, at)
+    nav = navigate(imu, state, reconstruction=reconstruction, **common)
+    full, _ = at_times([nav], state, at)
     reference = full if truth is None else _truth_at(truth, imu.epoch_ns, at)
     removable = log.kind != "compensated" and has_body_terms(reconstruction)
     body = BODY_TERMS if removable else {}
@@ -234,7 +243,7 @@ def compare(
         )
         for name in terms
     ]
-    left = _body_errors(imu, state, pieces, reconstruction, epochs, body)
+    left = _body_errors(imu, state, nav, reconstruction, epochs, body)
     drive = _drive(state, full, t, epochs, left)
     notes = _notes(site, choices, truth)
     found: list[tuple[str, str, Group, States]] = [
@@ -389,7 +398,7 @@ def _drive(
     )
     along = first.then(full)
     v = along.v_eb_n
-    turn = 2.0 * omega_ie_n(along.lat) + omega_en_n(along.lat, along.h, v)
+    ie, en = omega_ie_n(along.lat), omega_en_n(along.lat, along.h, v)
     meridian, transverse = radii(WGS84.params, np.sin(state.lat))
     at_start = float(normal_gravity_n(state.lat, state.h)[2])
     return _Drive(
@@ -397,11 +406,12 @@ def _drive(
         t=np.concatenate([[0.0], t]),
         epochs=epochs,
         v_eb_n=v,
-        coriolis=np.cross(turn, v),
+        coriolis=np.cross(2.0 * ie + en, v),
         north_gravity=normal_gravity_n(along.lat, along.h)[:, 0],
         by_height=normal_gravity_n(state.lat, along.h)[:, 2] - at_start,
         by_latitude=normal_gravity_n(along.lat, state.h)[:, 2] - at_start,
-        omega_ie_n=omega_ie_n(along.lat),
+        omega_ie_n=ie,
+        omega_en_n=en,
         scale=(np.array([meridian, transverse]) + state.h) / (SPHERE + state.h) - 1.0,
         body=body,
     )
@@ -410,15 +420,17 @@ def _drive(
 def _body_errors(
     imu: ImuSamples,
     state: NavState,
-    pieces: Sequence[Trajectory],
+    nav: Trajectory,
     reconstruction: str,
     epochs: Array,
     terms: Iterable[str],
 ) -> dict[str, Array]:
-    """The error in n at the epochs that the impulses of each body term would leave, m."""
+    """The error north and east at the epochs that each body term would leave, m."""
     level = Level.at(state.lat, state.h)
-    q_nb = np.concatenate([state.q_nb[None, :], *(piece.q_nb for piece in pieces)])[:-1]
-    t = np.concatenate([piece.t for piece in pieces]) - state.t
+    t = nav.t - state.t
+    q_nb = np.concatenate([state.q_nb[None, :], nav.q_nb[:-1]])
+    v = nav.v_eb_n[:, :2]
+    r = cumulative_trapezoid(v, t, axis=0, initial=0.0)
     stops = np.searchsorted(t, epochs - 1e-6) + 1
     raw = list(to_increments(imu.blocks(BLOCK)))
     errors = {}
@@ -428,14 +440,20 @@ def _body_errors(
         for full, less in zip(whole, reconstruct(raw, reconstruction, without=term), strict=True):
             added.append(full.phi - less.phi if term == "coning" else full.dv - less.dv)
         in_b = np.concatenate(added)[-len(t) :]
-        in_n = np.stack(quat_rotate(tuple(q_nb.T), tuple(in_b.T)), axis=-1)
-        response = level.after_tilt if term == "coning" else level.after_push
-        errors[term] = np.stack(
-            [
-                response(epoch - t[:stop]) @ in_n[:stop]
-                for epoch, stop in zip(epochs, stops, strict=True)
-            ]
-        )
+        north, east, down = quat_rotate(tuple(q_nb.T), tuple(in_b.T))
+        if term == "coning":
+            response, driver, across = (
+                level.after_tilt,
+                (east, -north),
+                turned(t, down, r, v, epochs),
+            )
+        else:
+            response, driver, across = level.after_push, (north, east), np.zeros((len(epochs), 2))
+        impulses = np.stack(driver, axis=-1)
+        errors[term] = across + [
+            response(epoch - t[:stop]) @ impulses[:stop]
+            for epoch, stop in zip(epochs, stops, strict=True)
+        ]
     return errors
 
 
