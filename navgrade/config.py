@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import difflib
 import math
+import re
 import tomllib
 from collections.abc import Iterable, Mapping, Sequence
+from datetime import UTC, date, datetime
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -16,6 +18,37 @@ from navgrade.errors import ConfigError
 _Choice = TypeVar("_Choice", bound=str)
 _Value = TypeVar("_Value")
 Keys = Mapping[str, Sequence[str]]
+
+
+_TIME = re.compile(r"^(?P<whole>[^.]+?)(?:\.(?P<fraction>\d{1,9}))?(?P<zone>Z|[+-]\d\d:?\d\d)?$")
+_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
+
+
+def parse_time_ns(value: object) -> int:
+    """Unix time, ns, of ``2026-01-01T00:00:00.500Z`` or a TOML date-time; UTC if no zone.
+
+    Raises
+    ------
+    ValueError
+        If it is neither.
+    """
+    fraction = ""
+    if isinstance(value, datetime):
+        moment = value
+    else:
+        match = _TIME.match(value) if isinstance(value, str) else None
+        if match is None:
+            raise ValueError(f"{value!r} is not a time such as 2026-01-01T00:00:00.500Z")
+        fraction = match["fraction"] or ""
+        try:
+            moment = datetime.fromisoformat(match["whole"] + (match["zone"] or ""))
+        except ValueError:
+            raise ValueError(f"{value!r} is not a time such as 2026-01-01T00:00:00.500Z") from None
+    if moment.tzinfo is None:
+        moment = moment.replace(tzinfo=UTC)
+    span = moment - _EPOCH
+    whole = (span.days * 86_400 + span.seconds) * 1_000_000_000 + span.microseconds * 1000
+    return whole + int(fraction.ljust(9, "0"))
 
 
 class Table:
@@ -167,6 +200,16 @@ class Table:
 
     def positive(self, key: str) -> float | None:
         return self.optional(key, least=0.0)
+
+    def time_ns(self, key: str) -> int:
+        """Unix time, ns; see `parse_time_ns`."""
+        value = self.required(key, self.values.get(key))
+        try:
+            if isinstance(value, date) and not isinstance(value, datetime):
+                raise ValueError(f"{value!r} is a date without a time")
+            return parse_time_ns(value)
+        except ValueError as error:
+            raise self.error(key, str(error)) from None
 
     def latitude(self) -> float:
         return self._angle("latitude", "N", "S", 90.0)
