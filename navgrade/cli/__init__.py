@@ -15,6 +15,7 @@ _COMMANDS = {
     "align": "Print the alignment report alone.",
     "inspect": "List topics, rates and defects of a log.",
     "convert": "Turn a log into increments or a table, or a table into a log.",
+    "simulate": "Make the log of an IMU along a motion, with its truth.",
 }
 
 

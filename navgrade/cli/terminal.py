@@ -23,8 +23,8 @@ def warn(text: str) -> None:
 
 
 @contextmanager
-def progress_bar(what: str, file: str | Path) -> Iterator[Callable[[int], None]]:
-    """A bar on a terminal; yields the function that takes the bytes of the file read so far."""
+def count_bar(what: str, total: int | None) -> Iterator[Callable[[int], None]]:
+    """A bar on a terminal; yields the function that takes how many of the total are done."""
     bar = Progress(
         TextColumn(what),
         BarColumn(),
@@ -35,6 +35,13 @@ def progress_bar(what: str, file: str | Path) -> Iterator[Callable[[int], None]]
         disable=not console.is_terminal,
     )
     with bar:
-        known = isinstance(file, Path) and file.is_file()
-        task = bar.add_task("", total=Path(file).stat().st_size if known else None)
+        task = bar.add_task("", total=total)
         yield lambda done: bar.update(task, completed=done)
+
+
+@contextmanager
+def progress_bar(what: str, file: str | Path) -> Iterator[Callable[[int], None]]:
+    """A bar whose total is the bytes of a file, where they are known."""
+    known = isinstance(file, Path) and file.is_file()
+    with count_bar(what, Path(file).stat().st_size if known else None) as progress:
+        yield progress
