@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass, field
-from datetime import UTC, date, datetime
 from pathlib import Path
 
 import numpy as np
@@ -169,37 +167,6 @@ class Site:
     baro: BaroSettings | None = None
 
 
-_TIME = re.compile(r"^(?P<whole>[^.]+?)(?:\.(?P<fraction>\d{1,9}))?(?P<zone>Z|[+-]\d\d:?\d\d)?$")
-_EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
-
-
-def parse_time_ns(value: object) -> int:
-    """Unix time, ns, of ``2026-01-01T00:00:00.500Z`` or a TOML date-time; UTC if no zone.
-
-    Raises
-    ------
-    ValueError
-        If it is neither.
-    """
-    fraction = ""
-    if isinstance(value, datetime):
-        moment = value
-    else:
-        match = _TIME.match(value) if isinstance(value, str) else None
-        if match is None:
-            raise ValueError(f"{value!r} is not a time such as 2026-01-01T00:00:00.500Z")
-        fraction = match["fraction"] or ""
-        try:
-            moment = datetime.fromisoformat(match["whole"] + (match["zone"] or ""))
-        except ValueError:
-            raise ValueError(f"{value!r} is not a time such as 2026-01-01T00:00:00.500Z") from None
-    if moment.tzinfo is None:
-        moment = moment.replace(tzinfo=UTC)
-    span = moment - _EPOCH
-    whole = (span.days * 86_400 + span.seconds) * 1_000_000_000 + span.microseconds * 1000
-    return whole + int(fraction.ljust(9, "0"))
-
-
 def read_site(path: str | Path) -> Site:
     """Read and check a site file.
 
@@ -334,13 +301,7 @@ def _initial(table: Table) -> Initial:
         if isinstance(time_ns, bool) or not isinstance(time_ns, int):
             raise table.error("time_ns", f"must be an integer, got {time_ns!r}")
     else:
-        value = table.values["time"]
-        try:
-            if isinstance(value, date) and not isinstance(value, datetime):
-                raise ValueError(f"{value!r} is a date without a time")
-            time_ns = parse_time_ns(value)
-        except ValueError as error:
-            raise table.error("time", str(error)) from None
+        time_ns = table.time_ns("time")
     velocity = table.values.get("velocity_ned_m_s", [0.0, 0.0, 0.0])
     try:
         v_eb_n = np.array(velocity, dtype=float)

@@ -16,6 +16,7 @@ _COMMANDS = {
     "compare": "Say what a flat world and each term of the Earth cost on a log.",
     "inspect": "List topics, rates and defects of a log.",
     "convert": "Turn a log into increments or a table, or a table into a log.",
+    "simulate": "Make the log of an IMU along a motion, with its truth.",
 }
 
 

@@ -10,7 +10,7 @@ import click
 from navgrade.cli.options import log_argument, source_options
 from navgrade.cli.show import show_comparison, show_source
 from navgrade.cli.terminal import console, count_bar, row
-from navgrade.compare.study import EPOCHS, compare
+from navgrade.compare.study import EPOCHS, SOLUTIONS, compare
 from navgrade.errors import ConfigError
 from navgrade.job import Choices, open_log
 from navgrade.logs import Track, check_output, list_topics, read_aiding, read_track_csv, track_of
@@ -85,7 +85,7 @@ def command(
     if not as_json:
         show_source(source, axes_given=bool(axes or site.axes))
     known = None if truth is None else _truth(log, truth, strict=strict)
-    with count_bar("comparing", hidden=as_json) as progress:
+    with count_bar("comparing", SOLUTIONS) as progress:
         found = compare(source, site, choices, truth=known, duration=duration, progress=progress)
     write_page(found, output, overwrite=overwrite)
     if png is not None:

@@ -11,6 +11,7 @@ import click
 from navgrade.cli.options import imu_options
 from navgrade.cli.show import show_source
 from navgrade.cli.terminal import console, progress_bar, row, warn
+from navgrade.config import parse_time_ns
 from navgrade.errors import ConfigError
 from navgrade.imu import KIND_HELP, Kind
 from navgrade.job import Choices, open_log
@@ -18,7 +19,7 @@ from navgrade.logs import ImuLog, Issue, check_output
 from navgrade.logs.convert import convert_imu, topic_columns, write_table
 from navgrade.logs.tables import SampleTable
 from navgrade.logs.topics import open_known
-from navgrade.site import Site, parse_time_ns, read_site
+from navgrade.site import Site, read_site
 
 _UNITS = "s, ms, us or ns"
 _TEXT = (".csv", ".tsv", ".txt")

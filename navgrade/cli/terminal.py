@@ -22,30 +22,26 @@ def warn(text: str) -> None:
     console.print(f"warning: {text}", style="yellow", markup=False)
 
 
-def _bar(what: str, *, hidden: bool = False) -> Progress:
-    return Progress(
+@contextmanager
+def count_bar(what: str, total: int | None) -> Iterator[Callable[[int], None]]:
+    """A bar on a terminal; yields the function that takes how many of the total are done."""
+    bar = Progress(
         TextColumn(what),
         BarColumn(),
         TextColumn("{task.percentage:3.0f} %"),
         TimeRemainingColumn(),
         console=console,
         transient=True,
-        disable=hidden or not console.is_terminal,
+        disable=not console.is_terminal,
     )
-
-
-@contextmanager
-def progress_bar(what: str, file: str | Path) -> Iterator[Callable[[int], None]]:
-    """A bar on a terminal; yields the function that takes the bytes of the file read so far."""
-    with _bar(what) as bar:
-        known = isinstance(file, Path) and file.is_file()
-        task = bar.add_task("", total=Path(file).stat().st_size if known else None)
+    with bar:
+        task = bar.add_task("", total=total)
         yield lambda done: bar.update(task, completed=done)
 
 
 @contextmanager
-def count_bar(what: str, *, hidden: bool = False) -> Iterator[Callable[[int, int], None]]:
-    """A bar on a terminal; yields the function that takes how many are done of how many."""
-    with _bar(what, hidden=hidden) as bar:
-        task = bar.add_task("", total=None)
-        yield lambda done, total: bar.update(task, completed=done, total=total)
+def progress_bar(what: str, file: str | Path) -> Iterator[Callable[[int], None]]:
+    """A bar whose total is the bytes of a file, where they are known."""
+    known = isinstance(file, Path) and file.is_file()
+    with count_bar(what, Path(file).stat().st_size if known else None) as progress:
+        yield progress

@@ -39,7 +39,7 @@ from navgrade.site import Site
 from navgrade.state import NavState, Trajectory
 
 Array = NDArray[np.float64]
-Progress = Callable[[int, int], None]
+Progress = Callable[[int], None]
 
 EPOCHS = (1.0, 10.0, 60.0, 600.0, 3600.0)  # s
 FLAT = {
@@ -60,6 +60,7 @@ LABELS = {
     "sculling": "sculling",
     "rotation": "the rotation term of the velocity",
 }
+SOLUTIONS = 1 + len(FLAT) + len(TERMS)
 _CONTEXT = 1.0  # s of samples before the start, for reconstructions that look back
 _POINTS = 300  # times spaced evenly in logarithm, and again as many evenly in time
 _FIRST = 0.01  # s
@@ -203,7 +204,7 @@ def compare(
     duration : float
         s after the start, at most.
     progress : callable, optional
-        Called with the number of solutions done and their total.
+        Called with the number of solutions done, of `SOLUTIONS` at most.
 
     Raises
     ------
@@ -251,13 +252,13 @@ def compare(
     ]
     for done, (name, label, group, choice) in enumerate(plan, start=1):
         if progress:
-            progress(done, len(plan) + 1)
+            progress(done)
         states, ended = at_times(solve(imu.blocks(BLOCK), state, **common, **choice), state, at)
         found.append((name, label, group, states))
         if ended:
             notes.append(f"{label} ended early: {ended}")
     if progress:
-        progress(len(plan) + 1, len(plan) + 1)
+        progress(len(plan) + 1)
     place = state.lat, state.lon, state.h
     variants = []
     for name, label, group, states in found:

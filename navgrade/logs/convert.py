@@ -10,25 +10,22 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any, BinaryIO, NamedTuple
+from typing import Any, BinaryIO
 
 import numpy as np
 from numpy.typing import NDArray
 
-from earth.frames import C_bs
 from navgrade.errors import ConfigError, LogError
 from navgrade.imu import ImuSamples
 from navgrade.logs.container import McapFile
 from navgrade.logs.container.writer import McapWriter, check_output
 from navgrade.logs.imu_log import ImuLog
-from navgrade.logs.messages import IMU, IMU_INCREMENT, Schema
-from navgrade.logs.outgoing import Columns, OutTopic, vector
+from navgrade.logs.imu_topic import INCREMENTS, RATES, ImuTopic, stamps_ns
+from navgrade.logs.outgoing import Columns
 from navgrade.logs.tables import SampleTable
-from navgrade.logs.topics import AXES_KEY, KIND_KEY
 
 CONVERSION = "navgrade.conversion"
 _BLOCK = 65_536  # samples turned into messages at a time
-_MAX_SPAN = 1e6  # s: up to here seconds give back their nanoseconds
 Progress = Callable[[int], None]
 
 
@@ -38,41 +35,6 @@ class Converted:
 
     count: int
     what: str
-
-
-class _Form(NamedTuple):
-    """A message type for IMU samples, where its x, y and z point, and its members."""
-
-    schema: Schema
-    topic: str
-    axes: str
-    columns: Callable[[ImuSamples], Columns]
-
-
-def _increments(samples: ImuSamples) -> Columns:
-    dtheta, dvel = samples.gyro, samples.accel
-    if not samples.is_integrated:
-        dtheta, dvel = dtheta * samples.dt[:, None], dvel * samples.dt[:, None]
-    return {
-        "interval_s": samples.dt,
-        **vector("delta_angle", dtheta),
-        **vector("delta_velocity", dvel),
-    }
-
-
-def _rates(samples: ImuSamples) -> Columns:
-    to_sensor = C_bs(_RATES.axes)  # of rows; of columns it would be the transpose
-    return {
-        "orientation.w": np.ones(len(samples)),
-        "orientation_covariance": _NO_ORIENTATION,
-        **vector("angular_velocity", samples.gyro @ to_sensor),
-        **vector("linear_acceleration", samples.accel @ to_sensor),
-    }
-
-
-_INCREMENTS = _Form(IMU_INCREMENT, "/imu/increments", "FRD", _increments)
-_RATES = _Form(IMU, "/imu/data_raw", "FLU", _rates)
-_NO_ORIENTATION = np.array([-1.0, *[0.0] * 8])  # by the definition of the message
 
 
 def convert_imu(
@@ -120,9 +82,9 @@ def convert_imu(
         count = write_table(output, map(_sample_columns, blocks), overwrite=overwrite)
         return Converted(count, f"kind {imu.kind}, axes FRD")
     is_rate = imu.kind in ("rate", "average")
-    form = _RATES if is_rate and isinstance(imu, SampleTable) else _INCREMENTS
-    kind = "increment" if is_rate and form is _INCREMENTS else imu.kind
-    if form is _INCREMENTS and imu.kind == "rate":
+    form = RATES if is_rate and isinstance(imu, SampleTable) else INCREMENTS
+    kind = "increment" if is_rate and form is INCREMENTS else imu.kind
+    if form is INCREMENTS and imu.kind == "rate":
         raise ConfigError(
             "instantaneous rates are not increments, a reconstruction makes them when it "
             "navigates; say --kind average if these are means over the interval, as most drivers "
@@ -131,9 +93,9 @@ def convert_imu(
     count = 0
     with McapWriter(output, overwrite=overwrite) as out:
         out.add_metadata(CONVERSION, _origin(imu))
-        topic = _out_topic(out, form, form.topic, "imu", kind)
+        topic = ImuTopic(out, form, kind)
         for samples in blocks:
-            out.write(topic.batch(_stamps_ns(samples), form.columns(samples)))
+            out.write(topic.batch(samples))
             count += len(samples)
     return Converted(count, f"{form.topic}, {form.schema.name}, kind {kind}, axes {form.axes}")
 
@@ -142,7 +104,7 @@ def write_increments(
     path: str | Path,
     imu: ImuSamples,
     *,
-    topic: str = _INCREMENTS.topic,
+    topic: str = INCREMENTS.topic,
     frame_id: str = "imu",
     overwrite: bool = False,
 ) -> None:
@@ -168,15 +130,9 @@ def write_increments(
     if not imu.is_integrated:
         raise ValueError(f"ImuIncrement holds increments, not kind {imu.kind!r}")
     with McapWriter(path, overwrite=overwrite) as out:
-        increments = _out_topic(out, _INCREMENTS, topic, frame_id, imu.kind)
+        increments = ImuTopic(out, INCREMENTS, imu.kind, topic=topic, frame_id=frame_id)
         for samples in imu.blocks(_BLOCK):
-            out.write(increments.batch(_stamps_ns(samples), _increments(samples)))
-
-
-def _out_topic(out: McapWriter, form: _Form, topic: str, frame_id: str, kind: str) -> OutTopic:
-    """A topic whose channel tells kind and axes."""
-    told = {KIND_KEY: kind, AXES_KEY: form.axes}
-    return OutTopic(out, topic, form.schema, {"header.frame_id": frame_id}, metadata=told)
+            out.write(increments.batch(samples))
 
 
 def _between(
@@ -211,21 +167,12 @@ def _origin(imu: ImuLog | SampleTable) -> dict[str, str]:
     }
 
 
-def _stamps_ns(samples: ImuSamples) -> NDArray[np.int64]:
-    if samples.t[-1] > _MAX_SPAN:
-        raise LogError(
-            f"a sample lies {samples.t[-1] / 86_400.0:.1f} days after the first: a stamp has "
-            "jumped (`navgrade inspect --deep` tells where), or cut the log"
-        )
-    return samples.epoch_ns + np.rint(samples.t * 1e9).astype(np.int64)
-
-
 def _sample_columns(samples: ImuSamples) -> dict[str, NDArray[Any]]:
     """Samples in body axes as columns that say their unit."""
     names = "gyro_{}_rad_s", "accel_{}_m_s2"
     if samples.is_integrated:
         names = "delta_angle_{}_rad", "delta_velocity_{}_m_s"
-    columns = {"time_ns": _stamps_ns(samples), "time_s": samples.t, "interval_s": samples.dt}
+    columns = {"time_ns": stamps_ns(samples), "time_s": samples.t, "interval_s": samples.dt}
     for name, values in zip(names, (samples.gyro, samples.accel), strict=True):
         columns |= {name.format(axis): values[:, i] for i, axis in enumerate("xyz")}
     return columns

@@ -128,11 +128,11 @@ class SolutionWriter:
         rows = slice(None) if self._every is None else self._every.rows(nav.t)
         fixes = self._fixes.rows(nav.t)
         batches = [
-            self._solution.batch(stamp_ns[rows], _solution_columns(nav, rows)),
-            self._fix.batch(stamp_ns[fixes], _fix_columns(nav, fixes)),
+            self._solution.batch(stamp_ns[rows], solution_columns(nav, rows)),
+            self._fix.batch(stamp_ns[fixes], fix_columns(nav, fixes)),
         ]
         if self._location is not None:
-            columns = {**_fix_columns(nav, fixes), **_motion_columns(nav, fixes)}
+            columns = {**fix_columns(nav, fixes), **_motion_columns(nav, fixes)}
             batches.append(self._location.batch(stamp_ns[fixes], columns))
         if self._map is not None:
             poses = self._map.poses(nav)
@@ -167,7 +167,8 @@ def _degrees(nav: Trajectory, rows: Rows) -> tuple[Array, Array]:
     return nav.lat[rows] / DEG, lon_deg - 360.0 * np.rint(lon_deg / 360.0)
 
 
-def _solution_columns(nav: Trajectory, rows: Rows) -> Columns:
+def solution_columns(nav: Trajectory, rows: Rows) -> Columns:
+    """Members of ``navgrade_msgs/msg/NavSolution``."""
     lat_deg, lon_deg = _degrees(nav, rows)
     v_eb_n, q_nb = nav.v_eb_n[rows], nav.q_nb[rows]
     roll, pitch, heading = (euler_from_quat(q_nb) / DEG).T
@@ -186,7 +187,8 @@ def _solution_columns(nav: Trajectory, rows: Rows) -> Columns:
     }
 
 
-def _fix_columns(nav: Trajectory, rows: Rows) -> Columns:
+def fix_columns(nav: Trajectory, rows: Rows) -> Columns:
+    """Members of ``sensor_msgs/msg/NavSatFix`` that tell the place."""
     lat_deg, lon_deg = _degrees(nav, rows)
     return {"latitude": lat_deg, "longitude": lon_deg, "altitude": nav.h[rows]}
 

@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from navgrade.config import parse_time_ns
 from navgrade.errors import ConfigError
 from navgrade.logs import ImuFields
-from navgrade.site import BaroSettings, Site, parse_time_ns, read_site
+from navgrade.site import BaroSettings, Site, read_site
 from navgrade.vertical import CLASSICAL_GAINS, DEFAULT_GAINS, gains_from_time_constant
 
 DEG = math.pi / 180.0  # rad

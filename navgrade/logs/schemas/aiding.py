@@ -222,7 +222,18 @@ INSPVAX = AidingSchema(
     ),
 )
 
+NAV_SOLUTION = AidingSchema(
+    name="navgrade_msgs/msg/NavSolution",
+    source="navgrade",
+    lat=("latitude_deg", DEG),
+    lon=("longitude_deg", DEG),
+    h=("height_m", 1.0),
+    v_eb_n=(("v_north_m_s", 1.0), ("v_east_m_s", 1.0), ("v_down_m_s", 1.0)),
+    euler=(("roll_deg", DEG), ("pitch_deg", DEG), ("heading_deg", DEG)),
+)
+
 AIDING_SCHEMAS: tuple[AidingSchema, ...] = (
+    NAV_SOLUTION,
     NAV_SAT_FIX,
     LOCATION_FIX,
     LOCATION_FIX_ROS,

@@ -12,8 +12,9 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from navgrade.errors import ConfigError, LogError, SchemaError
-from navgrade.logs import open_imu, read_aiding
+from navgrade.logs import open_imu, read_aiding, write_solution
 from navgrade.logs.schemas import AIDING_SCHEMAS
+from navgrade.state import Trajectory
 from tests.navgrade.logmaking import EPOCH_NS, Channel, damage_chunk, text_channel, write_log
 from tests.navgrade.logs.vendors import vendor_channel
 
@@ -101,6 +102,32 @@ def test_nav_sat_fix(tmp_path: Path) -> None:
     for name in ("h_msl", "v_eb_n", "sigma_v_n", "q_nb", "r", "q", "v", "child"):
         assert getattr(found, name) is None
     assert found.issues == []
+
+
+def test_our_own_nav_solution(tmp_path: Path) -> None:
+    """NavSolution; attitudes to the rounding of degrees, 1e-15 of 2 pi and a few more."""
+    attitude = Rotation.from_euler("ZYX", EULER_DEG[:, ::-1], degrees=True)
+    nav = Trajectory(
+        t=(STAMPS - EPOCH_NS) * 1e-9,
+        lat=LAT_DEG * DEG,
+        lon=LON_DEG * DEG,
+        h=H,
+        v_eb_n=V,
+        q_nb=attitude.as_quat(scalar_first=True),
+        status=np.zeros(COUNT, np.uint32),
+        epoch_ns=EPOCH_NS,
+    )
+    write_solution(tmp_path / "nav.mcap", nav)
+    found = read_aiding(tmp_path / "nav.mcap", "/navgrade/solution")
+    assert found.time_ns.tobytes() == STAMPS.tobytes()
+    assert found.valid.all()
+    close(found.lat, LAT_DEG * DEG)
+    close(found.lon, LON_DEG * DEG)
+    close(found.h, H)
+    close(found.v_eb_n, V)
+    assert found.q_nb is not None
+    between = Rotation.from_quat(found.q_nb, scalar_first=True) * attitude.inv()
+    assert between.magnitude().max() < 1e-14
 
 
 @pytest.mark.parametrize("how", ["ROS", "protobuf"])
