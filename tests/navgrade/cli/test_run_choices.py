@@ -15,7 +15,7 @@ from rosbags.typesys import Stores, get_typestore
 
 import navgrade
 from navgrade.logs import read_heights
-from navgrade.mechanization import MECHANIZATIONS
+from navgrade.mechanization import FLAT_WORLD, MECHANIZATIONS
 from navgrade.reconstruction import RECONSTRUCTIONS
 from navgrade.vertical import BaroLoop, gains_from_time_constant
 from tests.navgrade.cli.calling import Bench
@@ -179,6 +179,48 @@ def test_frames_e_i_and_w_run_where_n_ends(bench: Bench) -> None:
     bench.refused("frame n ends at latitude ±89.9°", "w (wander azimuth)")
     for frame in ("e", "i", "w"):
         bench.accepted("--frame", frame, "--overwrite")
+
+
+# ---- a flat world ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("frame", FLAT_WORLD)
+def test_a_flat_world_is_a_frame_with_its_own_body_stage(bench: Bench, frame: str) -> None:
+    bench.write(imu_channel(drive()), site=site())
+    bench.accepted()
+    wanted = positions(bench)
+    out = bench.accepted("--overwrite", "--frame", frame).out
+    own = FLAT_WORLD[frame].reconstruction or "centred-9"
+    assert f"Navigation  {own}, frame {frame}, vertical free" in out
+    found = bench.provenance()
+    assert (found["frame"], found["reconstruction"]) == (frame, own)
+    # m after 10 s: g omega cos(45) t^3 / 6, 84 mm
+    away = float(np.linalg.norm(positions(bench)[-1] - wanted[-1]))
+    assert away == pytest.approx(0.084, rel=0.2 if own == "euler" else 0.02)
+
+
+def test_a_flat_world_in_the_site_file(bench: Bench) -> None:
+    bench.write(imu_channel(drive()), site=site('frame = "flat-midpoint"'))
+    bench.accepted()
+    assert bench.provenance()["reconstruction"] == "midpoint"
+
+
+@pytest.mark.parametrize(
+    ("table", "options", "fact"),
+    [
+        ("", ("--reconstruction", "centred-9"), "'flat-euler' brings its own reconstruction"),
+        ("", ("--causal",), "here 'causal-3'; the frame 'flat' takes any"),
+        ('reconstruction = "rk4"', (), "here 'rk4'; the frame 'flat' takes any"),
+        ("", ("--vertical", "hold"), "leaves its height free; vertical 'hold' takes one of"),
+        ('vertical = "baro"', (), "'flat-euler' leaves its height free; vertical 'baro'"),
+        ("", ("--kind", "compensated"), "reconstruction 'euler' needs the rates themselves"),
+    ],
+)
+def test_what_a_flat_world_does_not_take(
+    bench: Bench, table: str, options: tuple[str, ...], fact: str
+) -> None:
+    bench.write(imu_channel(drive()), site=site(table))
+    bench.refused(fact, options=("--frame", "flat-euler", *options))
 
 
 # ---- the vertical channel ----------------------------------------------------------------------
