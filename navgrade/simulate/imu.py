@@ -174,8 +174,8 @@ def _times(motion: Motion, values: ArrayLike, name: str, at_least: int = 1) -> A
         raise ValueError(f"{name} must be {at_least} or more increasing times, s")
     if not (motion.start - _ROUNDING <= t[0] and t[-1] <= motion.end + _ROUNDING):
         raise ValueError(
-            f"{name} must be within the motion, {motion.start!r} to {motion.end!r} s; they are "
-            f"{t[0]!r} to {t[-1]!r} s"
+            f"{name} must be within the motion, {motion.start:.9g} to {motion.end:.9g} s; they are "
+            f"{t[0]:.9g} to {t[-1]:.9g} s"
         )
     return t
 

@@ -114,11 +114,11 @@ class Mounted(Wrapper):
 
 
 def check_latitudes(lat: Array, what: str) -> None:
-    """Raise ValueError where a path comes too near to a pole; `what` names a row of `lat`."""
+    """Raise ValueError where a path comes too near to a pole; `what` names row {} of `lat`."""
     beyond = np.abs(lat) > MAX_LAT
     if beyond.any():
         k = int(np.argmax(beyond))
         raise ValueError(
-            f"{what.format(k)} is at latitude {lat[k] / DEG:.4f}°, beyond the ±89° within which a "
-            "path can be described by latitude and longitude"
+            f"{what.format(k + 1)} is at latitude {lat[k] / DEG:.4f}°, beyond ±89°; nearer to a pole "
+            "latitude and longitude do not describe a path"
         )

@@ -272,7 +272,7 @@ def read_log(
     LogError, SchemaError
         When the topic cannot be read.
     ConfigError
-        When heights are above the sea, or frames or the origin are not said.
+        When frames or the origin are not said, or a geoid height where the topic needs none.
     """
     found = read_aiding(path, topic)
     if found.r is not None:
@@ -311,20 +311,15 @@ def read_log(
 
 
 def _height(path: Path, found: Aiding, geoid_height: float | None) -> Array | None:
-    if found.h is not None and found.h_msl is not None and geoid_height is not None:
+    if geoid_height is None or found.h is None:
+        return found.h
+    if found.h_msl is not None:
         raise _error(
             path,
-            f"{found.topic} says its heights above the ellipsoid itself; leave "
+            f"{found.topic} itself says its heights above the ellipsoid; leave "
             "path.geoid_height_m out",
         )
-    if found.h is None and found.h_msl is not None and geoid_height is None:
-        raise _error(
-            path,
-            f"the heights of {found.topic} are above mean sea level; say path.geoid_height_m, the "
-            "geoid above the ellipsoid there",
-        )
-    h = found.h_msl if found.h is None else found.h
-    return h if h is None or geoid_height is None else h + geoid_height
+    return found.h + geoid_height
 
 
 def _frames(found: Aiding) -> tuple[Sequence[str], Sequence[str]]:

@@ -17,7 +17,9 @@ from navgrade.config import Table, read_toml
 from navgrade.errors import ConfigError
 from navgrade.imu import Kind
 from navgrade.sensors import GRADES, SHEET, ImuErrors, imu_errors
+from navgrade.simulate.bspline import BSpline, drawn_path
 from navgrade.simulate.motion import Motion, Mounted
+from navgrade.simulate.paths import SUFFIXES, TrackPoints, read_csv, read_geojson, read_log
 from navgrade.simulate.segments import (
     Accelerate,
     BankToTurn,
@@ -31,7 +33,9 @@ from navgrade.simulate.segments import (
     Straight,
     Turn,
 )
+from navgrade.simulate.sinusoids import Oscillation, Sinusoid, Sinusoids
 from navgrade.simulate.vibration import Coning, Sculling, Shaking, Vibrating
+from navgrade.simulate.waypoints import Waypoints
 
 Array = NDArray[np.float64]
 
@@ -108,7 +112,7 @@ _VIBRATIONS: Mapping[str, tuple[Callable[..., Any], _Fields]] = {
 }
 
 KEYS: dict[str, tuple[str, ...]] = {
-    "": ("imu", "start", "segment", "vibration", "truth", "gnss"),
+    "": ("imu", "start", "segment", "path", "sinusoids", "vibration", "truth", "gnss"),
     "imu": (
         "rate_hz",
         "kind",
@@ -139,10 +143,33 @@ KEYS: dict[str, tuple[str, ...]] = {
     ),
     **{f"segment.{name}": ("type", *keys) for name, (_, keys) in _SEGMENTS.items()},
     **{f"vibration.{name}": ("type", *keys) for name, (_, keys) in _VIBRATIONS.items()},
+    "path": (
+        "file",
+        "topic",
+        "frame",
+        "child",
+        "height_m",
+        "geoid_height_m",
+        "method",
+        "speed_m_s",
+        "still_s",
+    ),
+    "sinusoids": ("duration_s", "term"),
+    "sinusoids.term": ("coordinate", "amplitude_m", "amplitude_deg", "period_s", "phase_deg"),
     "truth": ("rate_hz",),
     "gnss": ("rate_hz", "horizontal_sigma_m", "vertical_sigma_m", "lever_arm_m"),
 }
-MOTIONS = ("segment",)
+METHODS = ("interpolate", "b-spline")
+_STILL = 60.0  # s, before a drawn path
+_EVEN = 1e-3  # of an interval: poses whose steps differ by more are not equally spaced
+_COORDINATES = {
+    "north": "m",
+    "east": "m",
+    "up": "m",
+    "roll": "deg",
+    "pitch": "deg",
+    "heading": "deg",
+}
 
 
 @dataclass(frozen=True, eq=False)
@@ -258,14 +285,14 @@ def read_scenario(path: str | Path) -> Scenario:
     root, text = read_toml(path, KEYS, "scenario file")
     if "imu" not in root:
         raise root.error("imu", "is required: [imu] with rate_hz")
-    given = [name for name in MOTIONS if name in root]
+    given = [name for name in _MOTIONS if name in root]
     if len(given) != 1:
-        names = "[[segment]], [path] and [sinusoids]"
         raise root.error(
             given[1] if given else "segment",
-            f"a scenario needs one of {names}, this one has {' and '.join(given) or 'none'}",
+            "a scenario needs one of [[segment]], [path] and [sinusoids], this one has "
+            f"{' and '.join(given) or 'none'}",
         )
-    motion, start_ns, still, notes = _segments(root)
+    motion, start_ns, still, notes = _MOTIONS[given[0]](root)
     vibrations = [_made(row, _VIBRATIONS) for row in root.rows("vibration", by="type")]
     if vibrations:
         motion, still = Vibrating(motion, vibrations), 0.0
@@ -341,11 +368,139 @@ def _start(root: Table) -> tuple[Start, int]:
         )
     except ValueError as error:
         raise ConfigError(str(error), file=root.file, key="start") from None
-    return start, _time(table)
+    return start, _time_ns(table, START_NS)
 
 
-def _time(table: Table) -> int:
-    return table.time_ns("time") if "time" in table else START_NS
+def _time_ns(table: Table, default: int) -> int:
+    return table.time_ns("time") if "time" in table else default
+
+
+def _sinusoids(root: Table) -> _Read:
+    start, start_ns = _start(root)
+    table = root.table("sinusoids")
+    course = start.heading - start.crab
+    means = {
+        "north": (0.0, start.speed * np.cos(course)),
+        "east": (0.0, start.speed * np.sin(course)),
+        "roll": (start.roll, 0.0),
+        "pitch": (start.pitch, 0.0),
+        "heading": (start.heading, 0.0),
+    }
+    terms: dict[str, list[Sinusoid]] = {name: [] for name in _COORDINATES}
+    for row in table.rows("term"):
+        name = row.required("coordinate", row.choice("coordinate", _COORDINATES))
+        unit = _COORDINATES[name]
+        for other in {"m", "deg"} - {unit}:
+            if f"amplitude_{other}" in row:
+                raise row.error(f"amplitude_{other}", f"{name} has an amplitude_{unit}")
+        amplitude = row.number(f"amplitude_{unit}") * (DEG if unit == "deg" else 1.0)
+        period = row.number("period_s", above=0.0)
+        terms[name].append(Sinusoid(amplitude, 1.0 / period, row.number("phase_deg", 0.0) * DEG))
+    if not any(terms.values()):
+        raise table.error("term", "is required: [[sinusoids.term]] with coordinate and amplitude")
+    try:
+        motion = Sinusoids(
+            start.lat,
+            start.lon,
+            start.h,
+            table.number("duration_s", above=0.0),
+            **{
+                name: Oscillation(*means.get(name, (0.0, 0.0)), tuple(found))
+                for name, found in terms.items()
+            },
+        )
+    except ValueError as error:
+        raise ConfigError(f"sinusoids: {error}", file=root.file, key="sinusoids") from None
+    return motion, start_ns, 0.0, ()
+
+
+def _path(root: Table) -> _Read:
+    table, start = root.table("path"), root.table("start")
+    points = _points(table, start)
+    if not len(points):
+        raise ConfigError("holds no point", file=str(_path_file(table)))
+    h = points.h
+    if "height_m" in table:
+        if h is not None:
+            raise table.error("height_m", "the points have heights of their own; leave it out")
+        h = np.full(len(points), table.number("height_m"))
+    if h is None:
+        raise table.error("height_m", "is required: the path has no heights (above the ellipsoid)")
+    drawn = points.t is None
+    for key, of_drawn in (("speed_m_s", True), ("still_s", True), ("method", False)):
+        if key in table and of_drawn is not drawn:
+            raise table.error(
+                key, "is for a path without times" if of_drawn else "is for a path with times"
+            )
+    try:
+        motion, still = _along(table, points, h)
+    except ValueError as error:
+        raise ConfigError(str(error), file=str(_path_file(table)), key="path.file") from None
+    first_ns = START_NS if points.time_ns is None else points.time_ns + round(motion.start * 1e9)
+    return motion, _time_ns(start, first_ns), still, points.notes
+
+
+def _along(table: Table, points: TrackPoints, h: Array) -> tuple[Motion, float]:
+    """The motion through or near points, and how long it stands first."""
+    lat, lon, t, q_nb = points.lat, points.lon, points.t, points.q_nb
+    if t is None:
+        still = table.number("still_s", _STILL, least=0.0)
+        return drawn_path(lat, lon, h, table.number("speed_m_s", above=0.0), still=still), still
+    if table.choice("method", METHODS) != "b-spline":
+        return Waypoints(t, lat, lon, h, q_nb), 0.0
+    if q_nb is None:
+        raise table.error("method", "b-spline needs the attitudes of the points; use interpolate")
+    dt = float(np.median(np.diff(t))) if len(t) > 1 else 1.0
+    uneven = np.abs(np.diff(t) - dt) > _EVEN * dt
+    if uneven.any():
+        k = int(np.argmax(uneven))
+        raise table.error(
+            "method",
+            f"b-spline needs points at equal intervals, but from point {k + 1} to {k + 2} it is "
+            f"{t[k + 1] - t[k]:g} s instead of {dt:g} s; use interpolate",
+        )
+    return BSpline(0.0, dt, lat, lon, h, q_nb), 0.0
+
+
+def _path_file(table: Table) -> Path:
+    name = table.required("file", table.text("file"))
+    return Path(table.file).parent / name
+
+
+def _points(table: Table, start: Table) -> TrackPoints:
+    file = _path_file(table)
+    if file.suffix not in SUFFIXES:
+        raise table.error("file", f"{file.name} does not end in {', '.join(SUFFIXES)}")
+    geoid = table.optional("geoid_height_m")
+    topic = table.text("topic")
+    if file.suffix != ".mcap":
+        for key in ("topic", "frame", "child"):
+            if key in table:
+                raise table.error(key, f"is about a log, but {file.name} is none")
+        points = read_csv(file) if file.suffix == ".csv" else read_geojson(file)
+        if geoid is not None:
+            if points.h is None:
+                raise table.error("geoid_height_m", "the points have no heights to add it to")
+            points = replace(points, h=points.h + geoid)
+        return points
+    origin = None
+    if "latitude" in start:
+        origin = start.latitude(), start.longitude(), start.height()
+    return read_log(
+        file,
+        table.required("topic", topic),
+        geoid_height=geoid,
+        frame=table.text("frame"),
+        child=table.text("child"),
+        origin=origin,
+    )
+
+
+_MOTIONS: Mapping[str, Callable[[Table], _Read]] = {
+    "segment": _segments,
+    "path": _path,
+    "sinusoids": _sinusoids,
+}
 
 
 def _imu(table: Table, duration: float) -> Imu:

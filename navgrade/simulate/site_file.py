@@ -20,8 +20,8 @@ _WEAK = 0.1  # rad of heading: gyros with more error than this cannot find north
 def site_text(scenario: Scenario, made: Simulated) -> str:
     """A site file, in TOML.
 
-    Alignment where the scenario starts with `LEAST_STILL` seconds at rest and its gyros can find
-    north; the true state at the first sample otherwise.
+    Alignment where the scenario starts with `LEAST_STILL` seconds at rest and the IMU has errors
+    with which its gyros still find north; the true state at the first sample otherwise.
     """
     imu, first = scenario.imu, made.first
     lines = [
@@ -60,6 +60,8 @@ def site_text(scenario: Scenario, made: Simulated) -> str:
 
 def _finds_north(scenario: Scenario, lat: float) -> bool:
     gyro = scenario.imu.errors.gyro
+    if not _errors(scenario):
+        return False  # perfect data need no alignment, and its leveling takes the plumb line
     level = WGS84.params.omega * np.cos(lat)
     bias = np.abs(gyro.bias).max() + 3.0 * (gyro.bias_sigma + gyro.markov)
     noise = 3.0 * gyro.white / np.sqrt(scenario.still)
