@@ -373,9 +373,11 @@ def _times(imu: ImuSamples, start: float, truth: Track | None) -> Array:
 
 
 def _epochs(t: Array) -> Array:
-    """Of `t`, the nearest to each time to report, and the last."""
+    """Of `t`, the nearest to each time to report; and the last, unless it is nearly one of them."""
     rows = [int(np.argmin(np.abs(t - epoch))) for epoch in EPOCHS if epoch <= 1.01 * t[-1]]
-    return np.asarray(t[np.unique([*rows, len(t) - 1])])
+    if not rows or t[-1] > 1.2 * t[rows[-1]]:
+        rows.append(len(t) - 1)
+    return np.asarray(t[np.unique(rows)])
 
 
 def _truth_at(truth: Track, epoch_ns: int, at: Array) -> States:

@@ -84,22 +84,32 @@ def verdict(
             f"Treating the Earth as flat, not turning and of constant gravity costs {costs}."
         )
     if against_truth:
-        errors = ", ".join(
-            f"{length_text(float(engine.horizontal[row]))} after {time_text(float(t[row]))}"
-            for row in rows
-            if t[row] >= 5.0 and np.isfinite(engine.horizontal[row])
-        )
-        said.append(f"The full engine is off by {errors}: that is the IMU and its alignment.")
+        said.append(_engine(t, rows, engine))
     said.append(_integrators(by_name, end, t))
     said += _terms([v for v in variants if v.group == "term"], engine, end, t)
     return tuple(sentence for sentence in said if sentence)
+
+
+def _engine(t: Array, rows: NDArray[np.intp], engine: Variant) -> str:
+    largest = float(np.nanmax(engine.horizontal))
+    if largest < SMALL:
+        return (
+            f"The full engine stays within {length_text(largest)} of the truth: this IMU and its "
+            "start have no errors to speak of."
+        )
+    errors = ", ".join(
+        f"{length_text(float(engine.horizontal[row]))} after {time_text(float(t[row]))}"
+        for row in rows
+        if t[row] >= 5.0 and np.isfinite(engine.horizontal[row])
+    )
+    return f"The full engine is off by {errors}: that is the IMU and its start."
 
 
 def _flat_or_imu(
     t: Array, model: Array, engine: Variant, imu_error: Array | None, *, against_truth: bool
 ) -> str:
     if against_truth:
-        own, whose = engine.horizontal, "the IMU and its alignment"
+        own, whose = engine.horizontal, "the IMU and its start"
     elif imu_error is not None:
         own, whose = imu_error, "the stated errors of the IMU"
     else:

@@ -141,5 +141,5 @@ def test_the_verdict_says_so(both: tuple[Comparison, NavState]) -> None:
     assert 10 <= since <= 30
     assert comparison.verdict[0] == (
         f"With this IMU the flat world is the larger error after {since} s; before, it is the IMU "
-        "and its alignment."
+        "and its start."
     )
