@@ -105,13 +105,25 @@ def schemas(write: bool) -> None:
     print(page())
 
 
+def lectures(write: bool) -> None:
+    """Print the page of the flat world, its tables measured afresh, or write it to docs."""
+    from benchmarks.lectures import PAGE, page
+
+    text = page()
+    if write:
+        PAGE.write_text(text)
+    print(text)
+
+
 def main() -> None:
     """Run the benchmarks named on the command line, all of them by default."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
-    choices = ("accuracy", "speed", "solvers", "mcap", "schemas", "all")
+    choices = ("accuracy", "speed", "solvers", "mcap", "schemas", "lectures", "all")
     parser.add_argument("what", nargs="?", choices=choices, default="all")
     parser.add_argument(
-        "--write", action="store_true", help="write docs/accuracy.md, performance.md, schemas.md"
+        "--write",
+        action="store_true",
+        help="write docs/accuracy.md, performance.md, schemas.md, flat-world.md",
     )
     logs = parser.add_argument_group("mcap")
     logs.add_argument("--messages", type=int, default=2_000_000, metavar="N", help="at least 5000")
@@ -130,6 +142,8 @@ def main() -> None:
         mcap(options.write, options.messages, 1 if options.quick else 5, options.long)
     if options.what in ("schemas", "all"):
         schemas(options.write)
+    if options.what in ("lectures", "all"):
+        lectures(options.write)
 
 
 if __name__ == "__main__":
