@@ -109,7 +109,9 @@ _ALL = (
         "industrial",
         "calibrated MEMS modules of machines and drones",
         {
-            "gyro_bias_sigma_deg_h": Figure(1800.0, f"{_ACEINNA}, 0.5 °/s over temperature, rms"),
+            "gyro_bias_sigma_deg_h": Figure(
+                360.0, f"{_TYPICAL} near room temperature; {_ACEINNA}: 0.5 °/s over temperature"
+            ),
             "gyro_scale_sigma_ppm": Figure(1000.0, _ACEINNA),
             "gyro_misalignment_sigma_mrad": Figure(1.0, _TYPICAL),
             "arw_deg_rth": Figure(0.3, _ACEINNA),
@@ -135,9 +137,11 @@ _ALL = (
     ),
     Grade(
         "consumer",
-        "chips of telephones, not calibrated",
+        "chips of telephones, their gyros zeroed at rest",
         {
-            "gyro_bias_sigma_deg_h": Figure(24_000.0, f"{_MPU}, ±20 °/s taken as three sigma"),
+            "gyro_bias_sigma_deg_h": Figure(
+                720.0, f"{_TYPICAL} once zeroed at rest; {_MPU}: ±20 °/s before"
+            ),
             "gyro_scale_sigma_ppm": Figure(10_000.0, f"{_MPU}, ±3 % taken as three sigma"),
             "gyro_misalignment_sigma_mrad": Figure(6.7, f"{_MPU}, ±2 % taken as three sigma"),
             "arw_deg_rth": Figure(0.3, f"{_MPU}, 0.005 °/s/√Hz"),
