@@ -105,13 +105,31 @@ def schemas(write: bool) -> None:
     print(page())
 
 
+def scenarios(write: bool) -> None:
+    """Print how the ready scenarios close, or write it, and their pictures, to docs."""
+    from benchmarks.scenarios import ORDER, closings, draw, errors, filled, grades
+
+    lines = []
+    for line in closings():
+        print(line, flush=True)
+        lines.append(line)
+    if write:
+        path = DOCS / "scenarios.md"
+        tables = {"closing": iter(lines), "errors": errors(), "grades": grades()}
+        path.write_text(filled(path.read_text(), tables))
+        for name in ORDER:
+            draw(name)
+
+
 def main() -> None:
     """Run the benchmarks named on the command line, all of them by default."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
-    choices = ("accuracy", "speed", "solvers", "mcap", "schemas", "all")
+    choices = ("accuracy", "speed", "solvers", "mcap", "schemas", "scenarios", "all")
     parser.add_argument("what", nargs="?", choices=choices, default="all")
     parser.add_argument(
-        "--write", action="store_true", help="write docs/accuracy.md, performance.md, schemas.md"
+        "--write",
+        action="store_true",
+        help="write docs/accuracy.md, performance.md, schemas.md, scenarios.md and its pictures",
     )
     logs = parser.add_argument_group("mcap")
     logs.add_argument("--messages", type=int, default=2_000_000, metavar="N", help="at least 5000")
@@ -130,6 +148,8 @@ def main() -> None:
         mcap(options.write, options.messages, 1 if options.quick else 5, options.long)
     if options.what in ("schemas", "all"):
         schemas(options.write)
+    if options.what in ("scenarios", "all"):
+        scenarios(options.write)
 
 
 if __name__ == "__main__":
