@@ -115,15 +115,32 @@ def lectures(write: bool) -> None:
     print(text)
 
 
+def scenarios(write: bool) -> None:
+    """Print how the ready scenarios close, or write it, and their pictures, to docs."""
+    from benchmarks.scenarios import ORDER, closings, draw, errors, filled, grades
+
+    lines = []
+    for line in closings():
+        print(line, flush=True)
+        lines.append(line)
+    if write:
+        path = DOCS / "scenarios.md"
+        tables = {"closing": iter(lines), "errors": errors(), "grades": grades()}
+        path.write_text(filled(path.read_text(), tables))
+        for name in ORDER:
+            draw(name)
+
+
 def main() -> None:
     """Run the benchmarks named on the command line, all of them by default."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
-    choices = ("accuracy", "speed", "solvers", "mcap", "schemas", "lectures", "all")
+    choices = ("accuracy", "speed", "solvers", "mcap", "schemas", "lectures", "scenarios", "all")
     parser.add_argument("what", nargs="?", choices=choices, default="all")
     parser.add_argument(
         "--write",
         action="store_true",
-        help="write docs/accuracy.md, performance.md, schemas.md, flat-world.md",
+        help="write docs/accuracy.md, performance.md, schemas.md, flat-world.md, scenarios.md and "
+        "its pictures",
     )
     logs = parser.add_argument_group("mcap")
     logs.add_argument("--messages", type=int, default=2_000_000, metavar="N", help="at least 5000")
@@ -144,6 +161,8 @@ def main() -> None:
         schemas(options.write)
     if options.what in ("lectures", "all"):
         lectures(options.write)
+    if options.what in ("scenarios", "all"):
+        scenarios(options.write)
 
 
 if __name__ == "__main__":

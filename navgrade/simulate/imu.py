@@ -19,7 +19,7 @@ from navgrade.state import Columns, Trajectory
 Array = NDArray[np.float64]
 
 _BLOCK = 8192  # instants evaluated at once: their working arrays stay in cache
-_OVERTONES = 4.0  # products of sinusoids in rate and force are this much faster than the fastest
+_OVERTONES = 3.0  # attitude times attitude times force: products of three sinusoids
 _LONGEST = 1.0  # bandwidth times the longest piece integrated at once, rad
 _ROUNDING = 1e-9  # s: times this far outside a motion are meant to be its ends
 
@@ -46,7 +46,7 @@ def imu_increments(motion: Motion, edges: ArrayLike) -> tuple[Array, Array]:
     Notes
     -----
     Gauss-Legendre quadrature between the edges and the motion's knots. The number of nodes q makes
-    its remainder (q!)^4 / ((2q + 1) (2q)!^3) (4 w dt)^(2q) less than 1e-15 of the rate, where w is
+    its remainder (q!)^4 / ((2q + 1) (2q)!^3) (3 w dt)^(2q) less than 1e-15 of the rate, where w is
     the motion's bandwidth; pieces longer than 1/w are cut. Errors are then those of rounding
     (`tests/navgrade/simulate/test_imu.py`).
     """

@@ -119,6 +119,6 @@ def check_latitudes(lat: Array, what: str) -> None:
     if beyond.any():
         k = int(np.argmax(beyond))
         raise ValueError(
-            f"{what.format(k + 1)} is at latitude {lat[k] / DEG:.4f}°, beyond ±89°; nearer to a pole "
-            "latitude and longitude do not describe a path"
+            f"{what.format(k + 1)} is at latitude {lat[k] / DEG:.4f}°, beyond ±89°; nearer to a "
+            "pole latitude and longitude do not describe a path"
         )

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import MISSING, dataclass, field, fields, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -160,6 +160,7 @@ KEYS: dict[str, tuple[str, ...]] = {
     "gnss": ("rate_hz", "horizontal_sigma_m", "vertical_sigma_m", "lever_arm_m"),
 }
 METHODS = ("interpolate", "b-spline")
+_PLACE = ("latitude", "longitude", "height_m", "orthometric_height_m", "geoid_height_m")
 _STILL = 60.0  # s, before a drawn path
 _EVEN = 1e-3  # of an interval: poses whose steps differ by more are not equally spaced
 _COORDINATES = {
@@ -416,6 +417,10 @@ def _sinusoids(root: Table) -> _Read:
 
 def _path(root: Table) -> _Read:
     table, start = root.table("path"), root.table("start")
+    allowed = {"time", *(_PLACE if "frame" in table else ())}
+    for key in start.values:
+        if key not in allowed:
+            raise start.error(key, "is not for a [path], which has its own")
     points = _points(table, start)
     if not len(points):
         raise ConfigError("holds no point", file=str(_path_file(table)))
@@ -445,7 +450,8 @@ def _along(table: Table, points: TrackPoints, h: Array) -> tuple[Motion, float]:
     lat, lon, t, q_nb = points.lat, points.lon, points.t, points.q_nb
     if t is None:
         still = table.number("still_s", _STILL, least=0.0)
-        return drawn_path(lat, lon, h, table.number("speed_m_s", above=0.0), still=still), still
+        speed = table.number("speed_m_s", above=0.0)
+        return cast(Motion, drawn_path(lat, lon, h, speed, still=still)), still
     if table.choice("method", METHODS) != "b-spline":
         return Waypoints(t, lat, lon, h, q_nb), 0.0
     if q_nb is None:
@@ -459,7 +465,7 @@ def _along(table: Table, points: TrackPoints, h: Array) -> tuple[Motion, float]:
             f"b-spline needs points at equal intervals, but from point {k + 1} to {k + 2} it is "
             f"{t[k + 1] - t[k]:g} s instead of {dt:g} s; use interpolate",
         )
-    return BSpline(0.0, dt, lat, lon, h, q_nb), 0.0
+    return cast(Motion, BSpline(0.0, dt, lat, lon, h, q_nb)), 0.0
 
 
 def _path_file(table: Table) -> Path:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from math import factorial
 from typing import Any, Literal, NamedTuple, Protocol
 
 import numpy as np
@@ -13,6 +12,7 @@ from numpy.polynomial.polynomial import polyval
 from numpy.typing import NDArray
 from scipy.interpolate import PPoly
 from scipy.optimize import brentq
+from scipy.special import comb
 
 from earth.ellipsoid import WGS84
 from earth.geodetic import curvatures
@@ -28,16 +28,19 @@ Array = NDArray[np.float64]
 _RAMP = 2.0  # s, unless a third of the segment is shorter
 _STEEPEST = 80.0 * DEG  # rad: of climbs
 
-# The ninth-degree smooth step S(u), four derivatives zero at 0 and 1, about its start and about
-# its middle, where its halves are evaluated without cancellation.
+# The ninth-degree smooth step S(u), four derivatives zero at 0 and 1, ascending about its start and
+# about its middle, where its halves are evaluated without cancellation.
 _STEP = Polynomial([0.0, 0.0, 0.0, 0.0, 0.0, 126.0, -420.0, 540.0, -315.0, 70.0])
-_STEP_LATE = _STEP(Polynomial([0.5, 1.0]))
+_EARLY, _LATE = (np.asarray(p.coef, float) for p in (_STEP, _STEP(Polynomial([0.5, 1.0]))))
+_CONSTANT = np.eye(10)[0]
 _STEEPNESS = 10.0  # bandwidth of S times its duration, rad
 _SHORTEST = 1e-12  # s: of a hold between two ramps
 
 # What a piece of the drive is made of, and how many derivatives the kinematics need: roll may
-# follow from the course's rate.
+# follow from the course's rate. The first four are integrals of what a profile holds.
 _ORDERS = {"speed": 2, "course": 3, "roll": 2, "pitch": 2, "climb": 2, "banked": 0}
+_SPEED, _COURSE, _ROLL, _PITCH, _CLIMB, _BANKED = range(len(_ORDERS))
+_POWERS = np.arange(11)  # of time in a piece
 
 _NODES = 10  # Gauss nodes of a window of the position
 _WINDOW = 0.5  # s
@@ -426,34 +429,36 @@ def _climb_angle(path: float, duration: float, ramp: float) -> float:
 class _Piece(NamedTuple):
     duration: float
     ramp: float  # whose half it is; 0 of a steady piece
-    channels: dict[str, Polynomial]  # of the time since the piece began, s
+    table: Array  # (channel, power) of the time since the piece began, s
 
 
-def _plateau(profile: Profile) -> Iterator[tuple[float, float, Polynomial]]:
-    """Duration, ramp and shape of the pieces of a rise to 1, a hold, and a fall."""
+def _plateau(profile: Profile) -> Iterator[tuple[float, float, Array]]:
+    """Duration, ramp and polynomial of the pieces of a rise to 1, a hold, and a fall."""
     duration, ramp = profile.duration, profile.ramp
-    one = Polynomial([1.0])
     if ramp == 0.0:
-        yield duration, 0.0, 0.0 * one
+        yield duration, 0.0, 0.0 * _CONSTANT
         return
-    u = Polynomial([0.0, 1.0 / ramp])
-    early, late = _STEP(u), _STEP_LATE(u)
+    scale = ramp ** _POWERS[:-1]
+    early, late = _EARLY / scale, _LATE / scale
     yield 0.5 * ramp, ramp, early
     yield 0.5 * ramp, ramp, late
     if duration - 2.0 * ramp > _SHORTEST:
-        yield duration - 2.0 * ramp, 0.0, one
-    yield 0.5 * ramp, ramp, one - early
-    yield 0.5 * ramp, ramp, one - late
+        yield duration - 2.0 * ramp, 0.0, _CONSTANT
+    yield 0.5 * ramp, ramp, _CONSTANT - early
+    yield 0.5 * ramp, ramp, _CONSTANT - late
 
 
-def _pieces(profile: Profile, values: dict[str, float]) -> Iterator[_Piece]:
+def _pieces(profile: Profile, values: Array) -> Iterator[_Piece]:
     """Polynomials of all channels; `values` of the integrated ones go on to the end."""
+    rates = np.array([profile.speed, profile.course, profile.roll, profile.pitch])
     for duration, ramp, shape in _plateau(profile):
-        channels = {"climb": profile.climb * shape, "banked": Polynomial([float(profile.banked)])}
-        for name, value in values.items():
-            channels[name] = (getattr(profile, name) * shape).integ(k=value)
-            values[name] = float(channels[name](duration))
-        yield _Piece(duration, ramp, channels)
+        table = np.zeros((len(_ORDERS), len(_POWERS)))
+        table[:_CLIMB, 0] = values
+        table[:_CLIMB, 1:] = np.outer(rates, shape / _POWERS[1:])
+        table[_CLIMB, :-1] = profile.climb * shape
+        table[_BANKED, 0] = profile.banked
+        values[:] = table[:_CLIMB] @ duration**_POWERS
+        yield _Piece(duration, ramp, table)
 
 
 class _Channels:
@@ -461,14 +466,14 @@ class _Channels:
 
     def __init__(self, pieces: Sequence[_Piece]) -> None:
         self.breaks = np.concatenate([[0.0], np.cumsum([piece.duration for piece in pieces])])
+        tables = np.stack([piece.table for piece in pieces])
+        taylor = [  # of the k-th derivative over k!, (piece, power)
+            comb(_POWERS[k:], k) * tables[:, channel, k:]
+            for channel, order in enumerate(_ORDERS.values())
+            for k in range(order + 1)
+        ]
         self._taylor = [
-            [
-                np.trim_zeros(np.asarray(piece.channels[name].deriv(k).coef, float), "b")
-                / factorial(k)
-                for name, order in _ORDERS.items()
-                for k in range(order + 1)
-            ]
-            for piece in pieces
+            [np.trim_zeros(rows[k], "b") for rows in taylor] for k in range(len(pieces))
         ]
 
     def at(self, t: Array) -> dict[str, Jet]:
@@ -529,44 +534,47 @@ class Segments:
         _, self._gravity = closed_form_gravity(
             WGS84.params, np.sin(initial.lat), np.cos(initial.lat), initial.h
         )
-        values = {
-            "speed": initial.speed,
-            "course": initial.heading - initial.crab,
-            "roll": initial.roll,
-            "pitch": initial.pitch,
-        }
+        values = np.array(
+            [initial.speed, initial.heading - initial.crab, initial.roll, initial.pitch]
+        )
         pieces: list[_Piece] = []
         ends = []
         for number, segment in enumerate(segments, 1):
             try:
-                profiles = segment.profiles(Vehicle(values["speed"], self._gravity))
+                profiles = segment.profiles(Vehicle(float(values[_SPEED]), self._gravity))
             except ValueError as error:
                 raise ValueError(f"segment {number}, {type(segment).__name__}: {error}") from None
             for profile in profiles:
                 pieces += _pieces(profile, values)
             if isinstance(segment, Accelerate):
-                values["speed"] = segment.to_speed
+                values[_SPEED] = segment.to_speed
             ends.append(sum(piece.duration for piece in pieces))
         self._channels = _Channels(pieces)
         self.ends = np.array(ends)
         self.end = float(self._channels.breaks[-1])
         self.knots = self._channels.breaks[1:-1]
-        bandwidths = np.array([self._bandwidth(piece) for piece in pieces])
+        bandwidths = self._bandwidths(pieces)
         self.bandwidth = float(bandwidths.max())
         self._position = self._integrated(pieces, bandwidths)
 
-    def _bandwidth(self, piece: _Piece) -> float:
-        """Of one piece, rad/s: its rates, and the steepness of its ramp and of banking."""
+    def _bandwidths(self, pieces: Sequence[_Piece]) -> Array:
+        """Of each piece, rad/s: its rates, and the steepness of its ramp and of banking."""
+        tables = np.stack([piece.table for piece in pieces])
+        ramps = np.array([piece.ramp for piece in pieces])
+        after = np.array([piece.duration for piece in pieces])[:, None] ** _POWERS
+        slopes = tables[..., 1:] * _POWERS[1:]
 
-        def largest(name: str, derivative: int = 0) -> float:
-            channel = piece.channels[name].deriv(derivative)
-            return float(max(abs(channel(0.0)), abs(channel(piece.duration))))
+        def largest(polynomials: Array) -> Array:  # they rise or fall throughout
+            ends = np.einsum("pcn,pn->pc", polynomials, after[:, : polynomials.shape[2]])
+            size: Array = np.maximum(np.abs(polynomials[..., 0]), np.abs(ends))
+            return size
 
-        turning = largest("course", 1) + largest("roll", 1) + largest("pitch", 1)
-        if piece.ramp == 0.0:
-            return turning
-        lateral = largest("banked") * largest("speed") * largest("course", 1) / self._gravity
-        return float(turning + _STEEPNESS / piece.ramp * (1.0 + largest("climb") + lateral))
+        value, rate = largest(tables), largest(slopes)
+        lateral = value[:, _BANKED] * value[:, _SPEED] * rate[:, _COURSE] / self._gravity
+        steepness = np.divide(_STEEPNESS, ramps, out=np.zeros_like(ramps), where=ramps > 0.0)
+        turning = rate[:, [_COURSE, _ROLL, _PITCH]].sum(axis=1)
+        bandwidths: Array = turning + steepness * (1.0 + value[:, _CLIMB] + lateral)
+        return bandwidths
 
     def _integrated(self, pieces: Sequence[_Piece], bandwidths: Array) -> PPoly:
         """Latitude, longitude and height relative to the start, by Picard's iteration.
@@ -574,7 +582,7 @@ class Segments:
         Gauss quadrature in windows between the knots; all windows go through each sweep together.
         """
         params, initial, breaks = WGS84.params, self.initial, self._channels.breaks
-        moving = np.array([piece.channels["speed"].coef.any() for piece in pieces])
+        moving = np.array([piece.table[_SPEED].any() for piece in pieces])
         length = np.minimum(_WINDOW, 1.0 / np.maximum(bandwidths, 1e-9))
         count = np.ceil(np.diff(breaks) / np.where(moving, length, np.inf))
         windows = np.concatenate(

@@ -6,8 +6,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from mcap.reader import make_reader
-from mcap_ros2.decoder import DecoderFactory
 
 from navgrade.simulate.scenario import Scenario, read_scenario
 
@@ -57,13 +55,6 @@ def shortened(name: str, folder: Path, segments: int) -> Path:
     path = folder / f"{name}.toml"
     path.write_text("[[segment]]".join([head, *rows[:segments]]))
     return path
-
-
-def messages(path: Path, topic: str) -> list:  # type: ignore[type-arg]
-    """Messages of a topic by the official reader, checksums verified."""
-    with path.open("rb") as stream:
-        reader = make_reader(stream, validate_crcs=True, decoder_factories=[DecoderFactory()])
-        return [row.decoded_message for row in reader.iter_decoded_messages(topics=[topic])]
 
 
 def stamps_ns(rows: Sequence) -> np.ndarray:  # type: ignore[type-arg]

@@ -45,7 +45,8 @@ class Sample(NamedTuple):
 MOTIONS = {
     # phases up to 6e3 rad, rounded to 5e-13, of 0.06 rad/s and 39 m/s^2
     "sinusoids": Sample(SWELL, 3e-14, 2e-11),
-    "segments": Sample(MOTION, 4e-15, 4e-14),
+    # times up to 100 s, rounded to 1e-14, of 0.5 rad/s^2 and 60 m/s^3
+    "segments": Sample(MOTION, 1e-14, 4e-13),
     # phases up to 1.5e4 rad, rounded to 9e-13, of 4 rad/s and 10 m/s^2
     "vibrating": Sample(
         Vibrating(MOTION, [Coning(0.05, 11.0), Sculling(0.02, 20.0, acceleration=10.0)]),

@@ -419,6 +419,8 @@ PATH = '[path]\nfile = "walk.geojson"\n'
         ("", '[path]\nfile = "empty.csv"\n', ("empty.csv: holds no point",)),
         ("", '[path]\nfile = "path.csv"\nspeed_m_s = 3\n', ("is for a path without times",)),
         ("", '[path]\nfile = "path.csv"\nheight_m = 3\n', ("have heights of their own",)),
+        ("", PATH + "[start]\nheading_deg = 3\n", ("start.heading_deg: is not for a [path]",)),
+        ("", PATH + "[start]\nlatitude = 3\n", ("start.latitude: is not for a [path]",)),
         ("", '[path]\nfile = "few.csv"\n', ("few.csv: a quintic spline needs 6 waypoints",)),
     ],
 )

@@ -18,12 +18,17 @@ from navgrade.logs import read_imu
 from navgrade.simulate import simulation
 from navgrade.simulate.imu import imu_increments, imu_rates, true_trajectory
 from navgrade.simulate.simulation import Simulated, simulate
-from tests.navgrade.logs.decoding import SOLUTION_FLOATS, by_mcap_ros2_support
+from tests.navgrade.logs.decoding import (
+    SOLUTION_FLOATS,
+    by_mcap_ros2_support,
+)
+from tests.navgrade.logs.decoding import (
+    messages_by_mcap_ros2_support as messages,
+)
 from tests.navgrade.simulate.scenarios import (
     START,
     STILL,
     TURN,
-    messages,
     scenario,
     stamps_ns,
     vectors,
@@ -124,7 +129,7 @@ def test_truth_is_of_the_imus_point_and_axes(tmp_path: Path) -> None:
     wanted = scenario(tmp_path, MOUNTED)
     result, path = made(tmp_path, MOUNTED)
     columns = by_mcap_ros2_support(path, "/truth/solution", SOLUTION_FLOATS, ["status"])
-    t = (columns["time_ns"] - START_NS) * 1e-9
+    t = (columns["stamp_ns"] - START_NS) * 1e-9
     assert len(t) == result.truth
     np.testing.assert_allclose(t, 0.01 + 0.1 * np.arange(len(t)), atol=1e-9)
     nav = true_trajectory(wanted.imu_motion, t)
