@@ -139,7 +139,7 @@ def test_in_a_browser(shown: Shown) -> None:
     # curves: of the map the drive itself and one that left it; of growth one of each group
     assert shown.covered("track", shown.color("flat-midpoint")) > 100
     assert shown.covered("track", shown.color("without-coriolis")) > 300
-    for variant in ("flat-midpoint", "without-coriolis", "without-radii", "without-coning"):
+    for variant in ("flat-midpoint", "without-coriolis", "without-ellipsoid", "without-coning"):
         assert shown.covered("growth", shown.color(variant)) > 80, variant
     assert shown.covered("cost", shown.color("without-earth-rate")) > 3000
     height, width, _ = shown.pixels("growth").shape
@@ -229,6 +229,6 @@ def test_in_the_dark(shown: Shown) -> None:
     shown.resize(1280)
     shown.open()
     assert np.median(shown.pixels("growth")) < 0.2
-    for variant in ("flat-midpoint", "without-coriolis", "without-radii"):
+    for variant in ("flat-midpoint", "without-coriolis", "without-ellipsoid"):
         assert shown.covered("growth", shown.color(variant)) > 80, variant
     assert shown.browser.get_log("browser") == []
