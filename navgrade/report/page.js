@@ -23,7 +23,8 @@ async function draw(plot) {
   const css = getComputedStyle(root);
   const ink = css.getPropertyValue("--ink");
   const line = css.getPropertyValue("--line");
-  const layout = { ...plot.figure.layout, ...plot.view.layout };
+  // a copy: plotly writes a zoom into what it was given
+  const layout = structuredClone({ ...plot.figure.layout, ...plot.view.layout });
   const axis = { gridcolor: line, linecolor: line, zerolinecolor: line, automargin: true };
   const soft = css.getPropertyValue("--soft");
   const small = { size: 12, color: soft };

@@ -183,7 +183,8 @@ def test_in_a_browser(shown: Shown) -> None:
 
     # the legend hides a variant everywhere, and keeps the zoom
     midpoint = shown.color("flat-midpoint")
-    zoom = "return document.getElementById('growth').layout.xaxis.range"
+    zoom = "return [...document.getElementById('growth').layout.xaxis.range]"
+    whole = browser.execute_script(zoom)
     corner = ActionChains(browser).move_to_element_with_offset(shown.axes("growth"), 0, -100)
     mouse = corner.click_and_hold()
     mouse.move_by_offset(200, 200).release().perform()
@@ -198,6 +199,9 @@ def test_in_a_browser(shown: Shown) -> None:
         assert shown.covered(plot, midpoint) < 20
     assert browser.execute_script(zoom) == zoomed
     assert shown.covered("growth", shown.color("without-coriolis")) > 80
+    shown.choose("growth", 1)
+    shown.choose("growth", 0)
+    assert browser.execute_script(zoom) == whole
 
     assert browser.get_log("browser") == []
     assert requests(browser) == {shown.url}

@@ -18,7 +18,7 @@ import pytest
 from navgrade.compare.result import Comparison
 from navgrade.errors import ConfigError
 from navgrade.report import write_page
-from tests.navgrade.report.comparisons import ENDED, EPOCHS, LAWS, LOG, TOPIC, comparison
+from tests.navgrade.report.comparisons import ENDED, EPOCHS, LAWS, LOG, TOPIC, comparison, drive
 
 VOID = {"meta", "link", "input", "line", "br"}
 ROUNDED = 2e-4  # relative: five digits of time to the third power, and of the error
@@ -135,10 +135,10 @@ def test_names_from_outside_are_text(written: tuple[Page, dict[str, Any]]) -> No
 def test_a_label_ends_no_script(tmp_path: Path) -> None:
     c = comparison()
     first, *others = c.variants
-    odd = replace(first, label="</script><script>alert(1)</script>")
+    odd = replace(first, name="</script>", label="</script><script>alert(1)</script>")
     page, figures = page_of(replace(c, variants=(odd, *others)), tmp_path)
     assert len(page.scripts) == 3
-    hover = lines({"data": figures["track"]["data"]})["engine"]["hovertemplate"]
+    hover = lines({"data": figures["track"]["data"]})["</script>"]["hovertemplate"]
     assert "&lt;/script&gt;" in hover
 
 
@@ -263,6 +263,11 @@ def test_the_map_shows_the_drive_at_one_scale(written: tuple[Page, dict[str, Any
     (west, east), (south, north) = layout["xaxis"]["range"], layout["yaxis"]["range"]
     assert -1500.0 < west < -900.0 < 900.0 < east < 1500.0  # the drive is 1.8 km wide
     assert east - west == pytest.approx(north - south)
+    reference = figures["track"]["data"][0]
+    c = comparison()
+    rows = np.unique(np.searchsorted(c.t, np.linspace(0.0, 3600.0, 600)))
+    np.testing.assert_allclose(reference["x"], drive(c.t)[rows, 0], atol=1e-4)  # m: eight digits
+    np.testing.assert_allclose(reference["y"], drive(c.t)[rows, 1], atol=1e-4)
     euler = next(t for t in figures["track"]["data"] if t.get("meta") == "flat-euler")
     assert max(euler["x"] + [-x for x in euler["x"]]) > 1e6  # m: it ran away and is still there
     ended = next(t for t in figures["track"]["data"] if t.get("meta") == "flat-rk4")
