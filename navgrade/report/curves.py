@@ -95,7 +95,7 @@ class Style:
 _COLORS: dict[Group, tuple[str, ...]] = {
     "engine": ("#0072b2",),
     "flat": ("#d55e00", "#e69f00", "#cc3377", "#8a5a2b", "#b08cff"),
-    "term": ("#009e73", "#cc79a7", "#56b4e9", "#a39a2e", "#8e63ce", "#c1440e", "#7f7f7f"),
+    "term": ("#009e73", "#cc79a7", "#56b4e9", "#a39a2e", "#8e63ce", "#c1440e"),
 }
 _LINES: dict[Group, tuple[tuple[str, float], ...]] = {
     "engine": (("solid", 3.0), ("dot", 3.0)),

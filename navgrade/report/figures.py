@@ -39,7 +39,8 @@ Figure = dict[str, Any]
 IMU = "imu"  # the variant that is none: the sensors' own errors
 REFERENCE = "reference"
 _MARGIN = {"l": 60, "r": 16, "t": 16, "b": 48}
-_WRAP = 26  # characters of a label beside a bar
+_WRAP = 25  # characters of a label beside a bar
+_HARD = "\N{NO-BREAK SPACE}"
 _OUTAGE = 60.0  # s: of GNSS, a common one
 _ABOVE = {"yanchor": "bottom", "showarrow": False}
 
@@ -215,8 +216,10 @@ def _cost_view(comparison: Comparison, epoch: int) -> Figure:
         end = ended(comparison, cost.variant)
         if math.isnan(cost.value) and end is not None:
             value = f"ended at {readable_time(end)}"
-        lines = [_text(line) for line in textwrap.wrap(label, _WRAP)]
-        ticks.append("<br>".join([*lines[:-1], f"{lines[-1]}  <b>{value}</b>"]))
+        value = value.replace(" ", _HARD)
+        *lines, last = textwrap.wrap(f"{label} {value}", _WRAP, break_long_words=False)
+        last = f"{_text(last.removesuffix(value))}<b>{value}</b>"
+        ticks.append("<br>".join([*map(_text, lines), last]))
     places = list(range(len(found)))
     bars = {
         "type": "bar",
@@ -241,8 +244,7 @@ def _cost_view(comparison: Comparison, epoch: int) -> Figure:
         "marker": {"symbol": "circle-open", "size": 10, "line": {"width": 2}},
     }
     layout: Figure = {
-        "xaxis": _log_axis("m", low, high)
-        | {"title": {"text": "horizontal distance from the full engine"}},
+        "xaxis": _log_axis("m", low, high) | {"title": {"text": "distance from the full engine"}},
         "yaxis": {
             "showgrid": False,
             "zeroline": False,

@@ -2,6 +2,7 @@
 
 const figures = JSON.parse(document.getElementById("figures").textContent);
 const root = document.documentElement;
+const map = document.getElementById("track");
 const dark = matchMedia("(prefers-color-scheme: dark)");
 const touch = matchMedia("(pointer: coarse)").matches;
 const hidden = new Set();
@@ -18,11 +19,12 @@ const config = {
   toImageButtonOptions: { scale: 3 },
 };
 
-function draw(plot) {
+async function draw(plot) {
   const css = getComputedStyle(root);
   const ink = css.getPropertyValue("--ink");
   const line = css.getPropertyValue("--line");
-  const layout = { ...plot.figure.layout, ...plot.view.layout };
+  // a copy: plotly writes a zoom into what it was given
+  const layout = structuredClone({ ...plot.figure.layout, ...plot.view.layout });
   const axis = { gridcolor: line, linecolor: line, zerolinecolor: line, automargin: true };
   const soft = css.getPropertyValue("--soft");
   const small = { size: 12, color: soft };
@@ -32,7 +34,7 @@ function draw(plot) {
     marker: { color: ink, ...trace.marker },
     visible: !hidden.has(trace.meta),
   }));
-  return Plotly.react(plot.node, traces, {
+  await Plotly.react(plot.node, traces, {
     ...layout,
     autosize: true,
     showlegend: false,
@@ -48,56 +50,56 @@ function draw(plot) {
     shapes: (layout.shapes ?? []).map((shape) => ({ line: guide, ...shape })),
     annotations: (layout.annotations ?? []).map((note) => ({ font: small, ...note })),
   }, config);
+  if (plot.node === map) {
+    map.scaleBar = null;
+    scale();
+  }
 }
 
-/** Lay a bar of a round length along the lower edge of the map. */
-function scale(node) {
-  const [west, east] = node.layout.xaxis.range;
+/** Lay a bar of a round length along the lower edge of the map; on paper, lest it widen the map. */
+function scale() {
+  const [west, east] = map.layout.xaxis.range;
   const decade = 10 ** Math.floor(Math.log10((east - west) / 4));
   const length = decade * [5, 2, 1].find((step) => step * decade <= (east - west) / 4);
-  const from = west + 0.04 * (east - west);
-  const label = length < 1000 ? `${+length.toPrecision(1)} m` : `${length / 1000} km`;
-  if (node.scaleBar === `${from} ${label}`) return;
-  node.scaleBar = `${from} ${label}`;
+  const share = length / (east - west);
+  if (map.scaleBar === share) return;
+  map.scaleBar = share;
   const ink = getComputedStyle(root).getPropertyValue("--ink");
-  Plotly.relayout(node, {
+  const onPaper = { xref: "paper", yref: "paper" };
+  Plotly.relayout(map, {
     shapes: [{
-      type: "line", yref: "paper", x0: from, x1: from + length, y0: 0.05, y1: 0.05,
+      ...onPaper, type: "line", x0: 0.04, x1: 0.04 + share, y0: 0.05, y1: 0.05,
       line: { color: ink, width: 4 },
     }],
     annotations: [{
-      x: from + length / 2, yref: "paper", y: 0.055, yanchor: "bottom", text: label,
+      ...onPaper, x: 0.04 + share / 2, y: 0.055, xanchor: "center", yanchor: "bottom",
+      text: length < 1000 ? `${+length.toPrecision(1)} m` : `${length / 1000} km`,
       showarrow: false, font: { color: ink, size: 13 },
     }],
   });
 }
 
-async function drawAll() {
-  for (const plot of plots) {
-    await draw(plot);
-    if (plot.node.id === "track") {
-      plot.node.scaleBar = "";
-      scale(plot.node);
-    }
-  }
-}
+const drawAll = () => Promise.all(plots.map(draw));
 
-function choose(group, index) {
-  for (const plot of plots.filter((plot) => plot.node.id === group)) {
-    plot.view = plot.figure.views[index];
+/** Take up the view a button stands for; the plot, where it is one of a plot. */
+function choose({ name, value }) {
+  for (const pane of document.querySelectorAll(`[data-pane="${name}"]`)) {
+    pane.classList.toggle("shown", pane.dataset.view === value);
+  }
+  const plot = plots.find((plot) => plot.node.id === name);
+  if (plot) {
+    plot.view = plot.figure.views[value];
     plot.turn += 1;
   }
-  for (const pane of document.querySelectorAll(`[data-pane="${group}"]`)) {
-    pane.classList.toggle("shown", pane.dataset.view === index);
-  }
+  return plot;
 }
 
 root.classList.add("live");
 for (const input of document.querySelectorAll(".switch input")) {
-  if (input.checked) choose(input.name, input.value);
+  if (input.checked) choose(input);
   input.addEventListener("change", () => {
-    choose(input.name, input.value);
-    drawAll();
+    const plot = choose(input);
+    if (plot) draw(plot);
   });
 }
 for (const input of document.querySelectorAll(".legend input")) {
@@ -111,15 +113,16 @@ dark.addEventListener("change", drawAll);
 addEventListener("beforeprint", () => {
   root.classList.add("paper");
   drawAll();
-  for (const { node } of plots) Plotly.relayout(node, { width: 690 });
+  for (const { node } of plots) {
+    Plotly.relayout(node, { width: 690, height: node.id === "cost" ? node.clientHeight : 340 });
+  }
 });
 addEventListener("afterprint", () => {
   root.classList.remove("paper");
-  for (const { node } of plots) Plotly.relayout(node, { width: null, autosize: true });
+  for (const { node } of plots) Plotly.relayout(node, { width: null, height: null, autosize: true });
   drawAll();
 });
 drawAll().then(() => {
-  const map = document.getElementById("track");
-  map.on("plotly_relayout", () => scale(map));
+  map.on("plotly_relayout", scale);
   root.dataset.drawn = "yes";
 });

@@ -20,33 +20,34 @@ GROUPS: dict[Group, str] = {
 MEANINGS = {
     "engine": "Everything navgrade knows: a rotating, ellipsoidal Earth whose gravity varies with "
     "latitude and height, and samples integrated with all corrections.",
-    "flat": "The ground is a plane that does not turn, and gravity is one constant.",
+    "flat": "The ground is a plane that does not turn, and gravity is one constant; samples are "
+    "integrated as by the full engine.",
+    "flat-matrix": "A flat world with the attitude kept as a rotation matrix.",
     "flat-euler": "A flat world, each step taken with the values at its beginning.",
     "flat-midpoint": "A flat world, each step taken with the values at its middle.",
-    "flat-rk4": "A flat world, each step taken with four evaluations after Runge and Kutta.",
-    "flat-matrix": "A flat world, attitude kept as a rotation matrix.",
+    "flat-rk4": "A flat world, each step taken with four evaluations, after Runge and Kutta.",
     "earth-rate": "The gyros feel the Earth turn, 15° an hour; left out, level slowly tilts and "
     "gravity leaks into the horizontal.",
-    "transport-rate": "Level turns as the vehicle moves around the curved Earth; left out, the "
-    "plane flown or driven over stays that of the start.",
+    "transport-rate": "Level turns as the vehicle moves around the curved Earth; left out, it "
+    "stays that of the start, and gravity leaks into the horizontal.",
     "coriolis": "Moving over a turning Earth, everything is pushed aside, to the right in the "
     "northern hemisphere; left out, the push is taken for a real acceleration.",
-    "radii": "The Earth is flattened by 1 in 298; left out, it is a ball, and metres become wrong "
-    "degrees.",
-    "gravity-height": "Gravity weakens by a third of a millionth for each metre up; left out, "
-    "height is weighed wrongly.",
+    "ellipsoid": "The Earth is flattened by 1 in 298; left out, it is a ball, and metres become "
+    "the wrong degrees.",
+    "gravity-height": "Gravity weakens by a third of a millionth for each metre up; left out, it "
+    "is that of the height of the start.",
     "gravity-latitude": "Gravity grows by half a percent from the equator to the poles; left out, "
-    "it is that of one latitude everywhere.",
-    "gravity-north": "Above the ellipsoid a plumb line leans a little towards the equator; left "
+    "it is that of the latitude of the start.",
+    "north-gravity": "Above the ellipsoid a plumb line leans a little towards the equator; left "
     "out, it is exactly vertical.",
     "coning": "When the axis of rotation itself turns, as under vibration, the sum of the gyro's "
     "samples is not the turn; left out, it is taken for it.",
-    "sculling": "Rocking and shaking in step make a force that samples taken one by one miss; "
-    "left out, it is missed.",
+    "sculling": "Rocking and shaking in step make a force that sums of samples miss; left out, it "
+    "is missed.",
     "rotation": "The vehicle turns while a sample of its acceleration is summed; left out, the "
     "sum is taken as if it had not.",
 }
-"""Variants without their "without-", in one sentence for each."""
+"""One sentence for each variant, by its name without "without-"."""
 
 
 def meaning(name: str) -> str:

@@ -29,7 +29,7 @@ LAWS: tuple[tuple[str, str, Group, float, float, str], ...] = (
     ),
     ("without-transport-rate", "Earth frame, without transport rate", "term", 3e-6, 2.9, ""),
     ("without-coriolis", "Earth frame, without Coriolis", "term", 1.1e-3, 1.9, "Ω v sin L t²"),
-    ("without-radii", "Earth frame, on a ball", "term", 4e-6, 1.6, ""),
+    ("without-ellipsoid", "Earth frame, without ellipsoid", "term", 4e-6, 1.6, ""),
     ("without-gravity-height", "Earth frame, without gravity with height", "term", 3e-8, 1.5, ""),
     (
         "without-gravity-latitude",
@@ -39,7 +39,7 @@ LAWS: tuple[tuple[str, str, Group, float, float, str], ...] = (
         1.3,
         "",
     ),
-    ("without-gravity-north", "Earth frame, without north gravity", "term", 4e-7, 2.0, ""),
+    ("without-north-gravity", "Earth frame, without north gravity", "term", 4e-7, 2.0, ""),
     ("without-coning", "Earth frame, without coning", "term", 5e-6, 2.3, ""),
     ("without-sculling", "Earth frame, without sculling", "term", 2e-5, 2.0, ""),
     ("without-rotation", "Earth frame, without rotation compensation", "term", 2e-3, 1.2, ""),
