@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from earth.units import DEG
-from navgrade.compare.result import Array, Comparison, Group, Variant
+from navgrade.compare.result import Array, Axis, Comparison, Group, Variant
 
 Rows = NDArray[np.intp]
 
@@ -164,9 +164,18 @@ def quantities(comparison: Comparison) -> tuple[Quantity, ...]:
     return (POSITION, cost, *QUANTITIES[1:])
 
 
-def is_predicted(comparison: Comparison, quantity: Quantity) -> bool:
-    """Whether closed forms predict it: what a model costs, not what the sensors do."""
-    return quantity.key == ("position" if is_reference(comparison.variants[0]) else "cost")
+def predicted_axis(comparison: Comparison, quantity: Quantity) -> Axis | None:
+    """Which closed forms predict it: those of what a model costs, not of what the sensors do."""
+    if is_reference(comparison.variants[0]):
+        axes: dict[str, Axis] = {"position": "horizontal", "height": "vertical"}
+        return axes.get(quantity.key)
+    return "horizontal" if quantity.key == "cost" else None
+
+
+def predicted(variant: Variant, axis: Axis) -> Array:
+    """What the closed form gives at the epochs, m; NaN where it is of the other axis."""
+    growth = variant.growth
+    return growth.predicted if growth.axis == axis else np.full_like(growth.predicted, np.nan)
 
 
 class Cost(NamedTuple):
@@ -192,7 +201,8 @@ def costs(comparison: Comparison, epoch: int) -> list[Cost]:
             continue
         if variant is not engine:
             apart = apart - engine.position_error[row, :2]
-        found.append(Cost(variant, float(np.hypot(*apart)), variant.growth.predicted[epoch]))
+        form = predicted(variant, "horizontal")[epoch]
+        found.append(Cost(variant, float(np.hypot(*apart)), float(form)))
     return sorted(found, key=lambda cost: (np.isnan(cost.value), -cost.value))
 
 

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from navgrade.compare.result import Array, Comparison, Variant
+from navgrade.compare.result import Array, Axis, Comparison, Variant
 from navgrade.report.curves import (
     IMU_COLOR,
     MINUTES,
@@ -23,11 +23,12 @@ from navgrade.report.curves import (
     Style,
     costs,
     ended,
-    is_predicted,
     labels,
     last_row,
     log_limits,
     map_limits,
+    predicted,
+    predicted_axis,
     quantities,
     rows_in_log_time,
     rows_in_time,
@@ -151,8 +152,9 @@ def _growth_view(comparison: Comparison, quantity: Quantity) -> Figure:
         end = last_row(variant)
         if ended(comparison, variant) is not None and end > 0 and error[end] > 0.0:
             data.append(_end(variant, look[variant.name], t[end], error[end], t[end]))
-    if is_predicted(comparison, quantity):
-        data += _predictions(comparison)
+    axis = predicted_axis(comparison, quantity)
+    if axis is not None:
+        data += _predictions(comparison, axis)
     if quantity.key in ("position", "cost") and comparison.imu_error is not None:
         label = "this IMU's own errors, 1σ"
         line = {"color": IMU_COLOR, "width": 2, "dash": "dashdot"}
@@ -180,14 +182,14 @@ def _growth_view(comparison: Comparison, quantity: Quantity) -> Figure:
     }
 
 
-def _predictions(comparison: Comparison) -> list[Figure]:
+def _predictions(comparison: Comparison, axis: Axis) -> list[Figure]:
     look, called = styles(comparison), labels(comparison)
     found = []
     for variant in comparison.variants:
-        growth = variant.growth
-        if not np.isfinite(growth.predicted).any():
+        forms = predicted(variant, axis)
+        if not np.isfinite(forms).any():
             continue
-        label = f"{called[variant.name]}, predicted by {growth.formula}"
+        label = f"{called[variant.name]}, predicted by {variant.growth.formula}"
         marker = {
             "symbol": "circle-open",
             "size": 10,
@@ -195,7 +197,7 @@ def _predictions(comparison: Comparison) -> list[Figure]:
             "line": {"width": 2},
         }
         found.append(
-            _curve(comparison.epochs, growth.predicted, "m", label, variant.name)
+            _curve(comparison.epochs, forms, "m", label, variant.name)
             | {"mode": "markers", "marker": marker, "cliponaxis": False}
         )
     return found
@@ -205,7 +207,7 @@ def _cost_view(comparison: Comparison, epoch: int) -> Figure:
     look, called = styles(comparison), labels(comparison)
     found = costs(comparison, epoch)
     values = [cost.value for cost in found]
-    predicted = [cost.predicted for cost in found]
+    forms = [cost.predicted for cost in found]
     sigma = math.nan if comparison.imu_error is None else float(comparison.imu_error[epoch])
     low, high = log_limits([np.array([*values, sigma])])
     ticks = []
@@ -238,8 +240,8 @@ def _cost_view(comparison: Comparison, epoch: int) -> Figure:
         "type": "scatter",
         "mode": "markers",
         "y": places,
-        "x": _numbers([value if value > low else math.nan for value in predicted]),
-        "text": [readable(value, "m") for value in predicted],
+        "x": _numbers([value if value > low else math.nan for value in forms]),
+        "text": [readable(value, "m") for value in forms],
         "hovertemplate": "predicted: %{text}<extra></extra>",
         "marker": {"symbol": "circle-open", "size": 10, "line": {"width": 2}},
     }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Iterable
 from html import escape
 from importlib.metadata import version
@@ -80,7 +81,7 @@ def _page(comparison: Comparison) -> str:
     data = json.dumps(figures, ensure_ascii=False, allow_nan=False).replace("<", "\\u003c")
     here = files(__package__)
     name = escape(Path(comparison.log).name)
-    first, *more = [f"<p>{escape(sentence)}</p>" for sentence in comparison.verdict] or [""]
+    first, *more = [f"<p>{_unbroken(sentence)}</p>" for sentence in comparison.verdict] or [""]
     return f"""<!DOCTYPE html>
 <html lang="en">
 <head>
@@ -245,6 +246,11 @@ def _tables(comparison: Comparison) -> str:
     return _switch("table", [quantity.label for quantity in every], "Quantity") + "".join(tables)
 
 
+def _unbroken(sentence: str) -> str:
+    """A sentence whose numbers stay on one line with their units."""
+    return re.sub(r"(\d) (?=(?:km|m|mm|µm|s|min)\b)", "\\1&nbsp;", escape(sentence))
+
+
 def _table(comparison: Comparison, quantity: Quantity, index: int) -> str:
     called = labels(comparison)
     laws = quantity.key == "position"
@@ -282,6 +288,8 @@ def _row(
             mantissa, exponent, power = fitted
             text = f"{mantissa} × 10<sup>{exponent}</sup> t<sup>{power}</sup>"
         formula = escape(variant.growth.formula)
+        if variant.growth.axis == "vertical":
+            text, formula = f"height: {text}", f"height: {formula}"
         cells += f'<td class="text law">{text}</td><td class="text law">{formula}</td>'
     end = ended(comparison, variant)
     note = "" if end is None else f" (ended at {readable_time(end)})"

@@ -20,6 +20,7 @@ from navgrade.report.curves import (
     labels,
     log_limits,
     map_limits,
+    predicted,
     rows_in_log_time,
     rows_in_time,
     styles,
@@ -105,7 +106,7 @@ def _growth(comparison: Comparison) -> Figure:
         if is_reference(comparison.variants[0]):  # closed forms predict what a model costs
             axes.plot(
                 comparison.epochs,
-                variant.growth.predicted,
+                predicted(variant, "horizontal"),
                 "o",
                 markersize=3.5,
                 markerfacecolor="none",

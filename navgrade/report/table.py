@@ -73,6 +73,7 @@ def _growth(comparison: Comparison) -> Iterator[dict[str, Any]]:
         yield {
             "variant": np.array([variant.name]),
             "group": np.array([variant.group]),
+            "axis": np.array([growth.axis]),
             "coefficient_m": np.array([growth.coefficient]),
             "power": np.array([growth.power]),
             "formula": np.array([growth.formula]),
@@ -116,6 +117,7 @@ def _variant(comparison: Comparison, variant: Variant) -> dict[str, Any]:
         "velocity_error_ned_m_s": _plain(variant.velocity_error[rows]),
         "attitude_error_ned_rad": _plain(variant.attitude_error[rows]),
         "growth": {
+            "axis": growth.axis,
             "coefficient_m": _plain(growth.coefficient),
             "power": _plain(growth.power),
             "formula": growth.formula,

@@ -80,6 +80,7 @@ def test_plain_types_for_json() -> None:
     assert [variant["name"] for variant in told["variants"]] == [law[0] for law in LAWS]
     engine, euler, _, rk4 = told["variants"][:4]
     assert engine["growth"] == {
+        "axis": "horizontal",
         "coefficient_m": None,
         "power": None,
         "formula": "",
