@@ -297,13 +297,17 @@ def test_compensated_increments_hold_no_rates(name: str) -> None:
 # --- rates as they are ----------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("t0", [UNEVEN[0], UNEVEN[40], UNEVEN[41] - 0.004, UNEVEN[41] - 1e-4])
+# longer than what is looked at for the nominal interval, so that blocks end where they end
+LONG = 0.3 + np.cumsum(np.random.default_rng(5).uniform(0.01, 0.03, 1260))
+
+
+@pytest.mark.parametrize("t0", [LONG[1200], LONG[1201] - 0.004, LONG[1201] - 1e-4])
 @pytest.mark.parametrize("name", OWN)
 def test_blocks_leave_no_trace(name: str, t0: float) -> None:
-    """Whether the state is at a sample or within an interval."""
-    log, state = instants(UNEVEN), start(t0)
+    """Whether the state is at a sample or within an interval, at a seam or not."""
+    log, state = instants(LONG), start(t0)
     whole = bits(navigate(log, state, mechanization=name))
-    for size in (1, 2, 7, 41, 42, 100):
+    for size in (1, 7, 1201, 1202, 1203):
         pieces = [bits(nav) for nav in solve(log.blocks(size), state, mechanization=name)]
         assert [b"".join(column) for column in zip(*pieces, strict=True)] == whole, size
 
