@@ -17,6 +17,7 @@ from navgrade.errors import ConfigError
 from navgrade.logs import read_imu
 from navgrade.simulate import simulation
 from navgrade.simulate.imu import imu_increments, imu_rates, true_trajectory
+from navgrade.simulate.scenario import read_scenario
 from navgrade.simulate.simulation import Simulated, simulate
 from tests.navgrade.logs.decoding import (
     SOLUTION_FLOATS,
@@ -118,8 +119,6 @@ def test_the_last_interval_is_whole(tmp_path: Path) -> None:
     """4 s at 0.3 s: thirteen samples, the rest of the motion is left."""
     path = tmp_path / "scenario.toml"
     path.write_text(f"[imu]\nrate_hz = {1 / 0.3}\n{HERE}{STILL}")
-    from navgrade.simulate.scenario import read_scenario
-
     result = simulate(read_scenario(path), tmp_path / "log.mcap")
     assert (result.samples, result.duration) == (13, pytest.approx(3.9, abs=1e-9))
 
