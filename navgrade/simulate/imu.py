@@ -84,6 +84,12 @@ def imu_rates(motion: Motion, t: ArrayLike) -> tuple[Array, Array]:
     ------
     ValueError
         If `t` are not increasing times within the motion.
+
+    Notes
+    -----
+    Against differentiation of the path in 120 digits: 2e-14 rad/s and 5e-13 m/s^2 on segments and
+    splines at 40 m/s; sinusoids and vibrations add the rounding of their phase
+    (`tests/navgrade/simulate`).
     """
     t = _times(motion, t, "t")
     rows = np.empty((6, len(t)))

@@ -239,7 +239,10 @@ class Climb:
 
 @dataclass(frozen=True)
 class FigureEight:
-    """A full circle to the right, then one to the left, of `radius`, m, or at `rate`, rad/s."""
+    """A full circle to the right, then one to the left, of `radius`, m, or at `rate`, rad/s.
+
+    The ramps let each circle end a little ahead of where it began.
+    """
 
     radius: float | None = None
     rate: float | None = None
@@ -522,7 +525,9 @@ class Segments:
 
     Notes
     -----
-    Banked turns are coordinated for the normal gravity of the start.
+    Banked turns are coordinated for the normal gravity of the start. Navigated from exact
+    increments, two minutes of every segment end within 30 nm of the truth
+    (`tests/navgrade/simulate/test_segments.py`).
     """
 
     start = 0.0

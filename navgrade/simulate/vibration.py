@@ -197,6 +197,11 @@ class Vibrating(Wrapper):
     motion : Motion
     vibrations : sequence
         Of `Coning`, `Sculling`, `Shaking`.
+
+    Notes
+    -----
+    The phase of a vibration is rounded to 1e-16 of itself: at 20 Hz after an hour to 5e-11 rad.
+    Rates and forces then carry as much of its amplitude, which averages out.
     """
 
     motion: Motion
