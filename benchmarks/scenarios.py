@@ -21,7 +21,7 @@ from earth.units import DEG_PER_S
 from navgrade.logs import read_aiding
 from navgrade.sensors import GRADES, SHEET
 from navgrade.simulate.imu import imu_rates, true_trajectory
-from navgrade.simulate.scenario import KEYS, Scenario, read_scenario
+from navgrade.simulate.scenario import Scenario, read_scenario
 
 ROOT = Path(__file__).resolve().parents[1]
 READY = ROOT / "data" / "scenarios"
@@ -166,14 +166,3 @@ def _plan(scenario: Scenario, t: Array) -> tuple[Array, Array, Array]:
     north = (nav.lat - nav.lat[0]) * radius
     east = (np.unwrap(nav.lon) - nav.lon[0]) * radius * np.cos(nav.lat[0])
     return east, north, nav.h
-
-
-def undocumented(page: str) -> list[str]:
-    """Keys of a scenario file that the page does not name."""
-    return [
-        key
-        for name, keys in KEYS.items()
-        if name != "imu.errors"
-        for key in keys
-        if f"`{key}`" not in page and f"{key} =" not in page and f"[{key}]" not in page
-    ]

@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 from navgrade.errors import ConfigError, LogError
 from navgrade.sensors import GRADES
 from navgrade.simulate.bspline import drawn_path
+from navgrade.simulate.imu import true_trajectory
 from navgrade.simulate.motion import Motion
 from navgrade.simulate.scenario import read_scenario
 from navgrade.simulate.segments import (
@@ -28,6 +29,7 @@ from navgrade.simulate.segments import (
     Straight,
     Turn,
 )
+from navgrade.simulate.simulation import simulate
 from navgrade.simulate.vibration import Coning, Sculling, Shaking, Vibrating
 from navgrade.simulate.waypoints import Waypoints
 from tests.navgrade.simulate.scenarios import (
@@ -211,8 +213,6 @@ period_s = 3.0
 phase_deg = 90.0
 """
     found = scenario(tmp_path, rest=HERE + text)
-    from navgrade.simulate.imu import true_trajectory
-
     t = 3.7
     nav = true_trajectory(found.motion, [t])
     assert nav.h[0] == pytest.approx(
@@ -273,6 +273,20 @@ def test_timed_path(tmp_path: Path) -> None:
     assert near.start_ns == 1_772_600_769_000_000_000
     away = np.array(near.motion.at(t[20:21]).r_e) - np.array(expected.at(t[20:21]).r_e)
     assert 1e-6 < np.abs(away).max() < 1.0, "near the points, not through them"
+
+
+def test_a_path_along_the_truth_of_another_log(tmp_path: Path) -> None:
+    """Ten points a second through a turn: 1 mm between them, where the spline is near its ends."""
+    first = scenario(tmp_path)
+    simulate(first, tmp_path / "log.mcap")
+    text = '[path]\nfile = "log.mcap"\ntopic = "/truth/solution"\n'
+    again = scenario(tmp_path, rest=text)
+    assert again.start_ns == first.start_ns + 10_000_000
+    t = np.linspace(0.0, again.motion.end, 300)
+    for found, expected, limit in zip(
+        again.motion.at(t)[:2], first.motion.at(t + 0.01)[:2], (1e-3, 1e-2), strict=True
+    ):
+        assert np.abs(np.array(found) - np.array(expected)).max() < limit
 
 
 def test_imu(tmp_path: Path) -> None:

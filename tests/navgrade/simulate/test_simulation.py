@@ -17,6 +17,7 @@ from navgrade.errors import ConfigError
 from navgrade.logs import read_imu
 from navgrade.simulate import simulation
 from navgrade.simulate.imu import imu_increments, imu_rates, true_trajectory
+from navgrade.simulate.scenario import read_scenario
 from navgrade.simulate.simulation import Simulated, simulate
 from tests.navgrade.logs.decoding import (
     SOLUTION_FLOATS,
@@ -88,9 +89,9 @@ def test_increments_in_body_axes(tmp_path: Path) -> None:
     assert (record.name, record.metadata["grade"]) == ("navgrade.simulation", "none")
 
 
-@pytest.mark.parametrize("axes", ["FLU", "RFU", "x=-up y=left z=forward"])
-@pytest.mark.parametrize("kind", ["average", "rate"])
-def test_rates_in_axes_of_choice(tmp_path: Path, kind: str, axes: str) -> None:
+@pytest.mark.parametrize("axes", ["FLU", "RFU", "x=up y=forward z=left"])
+@pytest.mark.parametrize("kind", ["increment", "average", "rate"])
+def test_axes_of_choice(tmp_path: Path, kind: str, axes: str) -> None:
     """Read back they are those of the motion; in the file, x, y and z point as was said."""
     text = f'{MOUNTED}kind = "{kind}"\naxes = "{axes}"\ntopic = "/my/imu"\n'
     wanted = scenario(tmp_path, text)
@@ -100,16 +101,18 @@ def test_rates_in_axes_of_choice(tmp_path: Path, kind: str, axes: str) -> None:
     assert samples.kind == kind
     edges = np.arange(len(samples) + 1) * 0.01
     gyro, accel = imu_rates(wanted.imu_motion, edges[1:])
-    if kind == "average":
-        gyro, accel = (x / 0.01 for x in imu_increments(wanted.imu_motion, edges))
+    if kind != "rate":
+        length = 0.01 if kind == "average" else 1.0
+        gyro, accel = (x / length for x in imu_increments(wanted.imu_motion, edges))
     np.testing.assert_allclose(samples.gyro, gyro, rtol=0.0, atol=1e-12)  # rounding of dt
     np.testing.assert_allclose(samples.accel, accel, rtol=0.0, atol=1e-10)
-    x, y, z = vectors(messages(path, "/my/imu")[:1], "linear_acceleration")[0]
+    name = "delta_velocity" if kind == "increment" else "linear_acceleration"
+    x, y, z = vectors(messages(path, "/my/imu")[:1], name)[0]
     forward, right, down = accel[0]
     recorded = {
         "FLU": (forward, -right, -down),
         "RFU": (right, forward, -down),
-        "x=-up y=left z=forward": (down, -right, forward),
+        "x=up y=forward z=left": (-down, forward, -right),
     }
     assert (x, y, z) == pytest.approx(recorded[axes], abs=1e-10)
 
@@ -118,8 +121,6 @@ def test_the_last_interval_is_whole(tmp_path: Path) -> None:
     """4 s at 0.3 s: thirteen samples, the rest of the motion is left."""
     path = tmp_path / "scenario.toml"
     path.write_text(f"[imu]\nrate_hz = {1 / 0.3}\n{HERE}{STILL}")
-    from navgrade.simulate.scenario import read_scenario
-
     result = simulate(read_scenario(path), tmp_path / "log.mcap")
     assert (result.samples, result.duration) == (13, pytest.approx(3.9, abs=1e-9))
 
@@ -141,6 +142,21 @@ def test_truth_is_of_the_imus_point_and_axes(tmp_path: Path) -> None:
     assert euler_error(q, nav.q_nb) < 1e-15
     assert result.first.lat == nav.lat[0]
     assert result.distance == pytest.approx(12.0 * result.duration, rel=0.1)
+
+
+def test_where_the_imu_is_and_points(tmp_path: Path) -> None:
+    """Vehicle heading west, IMU 3 m forward, 2 m right, 1 m down: 3 m west, 2 m north, 1 mm."""
+    text = "lever_arm_m = [3.0, 2.0, 1.0]\nmounting_deg = [5.0, -10.0, 40.0]\n"
+    result, _ = made(tmp_path, text, HERE.replace("310.0", "270.0") + STILL)
+    metre = 1.0 / 6_378_137.0  # rad of latitude, to half a percent
+    assert (result.first.lat + 41.5 * DEG) / metre == pytest.approx(2.0, rel=5e-3)
+    east = (result.first.lon - 174.25 * DEG) * math.cos(41.5 * DEG) / metre
+    assert east == pytest.approx(-3.0, rel=5e-3)
+    assert result.first.h == pytest.approx(29.0, abs=1e-5)
+    vehicle = Rotation.from_euler("ZYX", [270.0, 0.0, 0.0], degrees=True)
+    mounting = Rotation.from_euler("ZYX", [40.0, -10.0, 5.0], degrees=True)
+    expected = (vehicle * mounting).as_quat(scalar_first=True)
+    assert euler_error(result.first.q_nb, expected) < 1e-6  # north turns over three metres
 
 
 def test_fixes_are_of_the_antenna(tmp_path: Path) -> None:
@@ -188,6 +204,15 @@ def test_jitter_moves_the_ends_of_the_intervals(tmp_path: Path) -> None:
     dtheta, _ = imu_increments(wanted.imu_motion, edges)
     np.testing.assert_allclose(vectors(rows, "delta_angle"), dtheta, rtol=0.0, atol=1e-16)
     np.testing.assert_allclose([m.interval_s for m in rows], np.diff(edges), atol=1e-15)
+
+
+def test_lost_spans(tmp_path: Path) -> None:
+    """After their start, up to and with their end."""
+    _, path = made(tmp_path, "dropped_spans_s = [[2.0, 2.5], [7.005, 7.015]]\n")
+    stamps = stamps_ns(messages(path, "/imu/increments")) - START_NS
+    ticks = np.arange(1, 1 + (stamps[-1] // 10_000_000))
+    missing = set(ticks.tolist()) - set((stamps // 10_000_000).tolist())
+    assert missing == {*range(201, 251), 701}
 
 
 def test_lost_messages(tmp_path: Path) -> None:
@@ -239,7 +264,7 @@ def test_seeds(tmp_path: Path) -> None:
         result = simulate(
             scenario(tmp_path, NOISY).with_seed(seed), tmp_path / "log.mcap", overwrite=True
         )
-        logs.append((read_imu(result.output).gyro.tobytes(), result.errors.gyro.bias.tolist()))
+        logs.append((result.output.read_bytes(), result.errors.gyro.bias.tolist()))
     assert logs[0] == logs[1]
     assert logs[0] != logs[2]
 
