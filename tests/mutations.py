@@ -47,7 +47,7 @@ PLACES = "navgrade/logs/poses.py"
 POSES = "tests/navgrade/logs/test_poses.py"
 WRITER = "navgrade/logs/container/writer.py"
 WRITTEN = "tests/navgrade/logs/test_writer.py"
-CONVERT = "navgrade/logs/convert.py"
+IMU_TOPIC = "navgrade/logs/imu_topic.py"
 CONVERTED = "tests/navgrade/logs/test_convert.py"
 TABLES = "navgrade/logs/tables.py"
 READ_TABLES = "tests/navgrade/logs/test_tables.py"
@@ -564,14 +564,14 @@ MUTATIONS = (
     ),
     Mutation(
         "an average called an increment",
-        CONVERT,
+        IMU_TOPIC,
         "dtheta * samples.dt[:, None], dvel * samples.dt[:, None]",
         "dtheta, dvel",
         (f"{CONVERTED}::test_averages_become_increments_by_their_intervals",),
     ),
     Mutation(
         "rates of a text file in body axes, called FLU",
-        CONVERT,
+        IMU_TOPIC,
         "samples.gyro @ to_sensor",
         "samples.gyro",
         (f"{CONVERTED}::test_rates_of_a_text_file_become_imu_messages_in_ros_axes",),
@@ -596,6 +596,111 @@ MUTATIONS = (
         "+ self.epoch_ns for text",
         "- self.epoch_ns for text",
         (f"{READ_TABLES}::test_the_epoch_is_added_to_the_nanosecond",),
+    ),
+    Mutation(
+        "rk4: mean of the ends in the middle",
+        "navgrade/reconstruction/classical.py",
+        "np.array([-1.0, 9.0, 9.0, -1.0]) / 16.0",
+        "np.array([0.0, 8.0, 8.0, 0.0]) / 16.0",
+        ("tests/navgrade/test_flat_world.py::test_order",),
+    ),
+    Mutation(
+        "midpoint: the force at the end not turned",
+        "navgrade/reconstruction/classical.py",
+        "end = quat_rotate(rotvec_to_quat(phi), f_1)",
+        "end = f_1",
+        ("tests/navgrade/test_flat_world.py::test_steps_are_the_lectures",),
+    ),
+    Mutation(
+        "flat: matrix turned the other way",
+        "navgrade/mechanization/flat.py",
+        "row[0] - s * turn[0]",
+        "row[0] + s * turn[0]",
+        ("tests/navgrade/test_flat_world.py::test_quaternion_and_matrix_agree",),
+    ),
+    Mutation(
+        "terms: another one taken out",
+        "navgrade/mechanization/terms.py",
+        "transport = 1.0 if kept.terms.transport_rate",
+        "transport = 1.0 if kept.terms.earth_rate",
+        ("tests/navgrade/test_terms.py::test_a_term_taken_out_was_never_there",),
+    ),
+    Mutation(
+        "simulate: Coriolis sign",
+        "navgrade/simulate/imu.py",
+        "a_x - 2.0 * spin * v_y - g_e[0]",
+        "a_x + 2.0 * spin * v_y - g_e[0]",
+        ("tests/navgrade/simulate/test_segments.py::test_rates",),
+    ),
+    Mutation(
+        "simulate: lever arm without half of Coriolis",
+        "navgrade/simulate/kinematics.py",
+        "x + 2.0 * y + z + w",
+        "x + y + z + w",
+        ("tests/navgrade/simulate/test_vibration.py::test_rates",),
+    ),
+    Mutation(
+        "simulate: course rate on a climb",
+        "navgrade/simulate/segments.py",
+        "* course.rate() * np.cos(climb)",
+        "* course.rate()",
+        ("tests/navgrade/simulate/test_segments.py::test_rates",),
+    ),
+    Mutation(
+        "simulate: axes of choice turned back",
+        "navgrade/logs/imu_topic.py",
+        "samples.accel @ to_sensor",
+        "samples.accel @ to_sensor.T",
+        ("tests/navgrade/simulate/test_simulation.py::test_axes_of_choice",),
+    ),
+    Mutation(
+        "sensors: integral of a random walk",
+        "navgrade/sensors/processes.py",
+        "np.sqrt(12.0)",
+        "np.sqrt(3.0)",
+        ("tests/navgrade/sensors/test_allan.py::test_random_walk_of_the_bias",),
+    ),
+    Mutation(
+        "sensors: plateau of a Gauss-Markov bias",
+        "navgrade/sensors/processes.py",
+        "np.expm1(-4.0 * u)",
+        "np.expm1(-2.0 * u)",
+        ("tests/navgrade/sensors/test_allan.py::test_gauss_markov_plateau",),
+    ),
+    Mutation(
+        "compare: attitude error, sign",
+        "navgrade/compare/sampling.py",
+        "phi[known] = -rotvec_from_quat",
+        "phi[known] = rotvec_from_quat",
+        ("tests/navgrade/compare/test_sampling.py::test_difference_of_velocities_and_attitudes",),
+    ),
+    Mutation(
+        "compare: heading errors turn the other way",
+        "navgrade/compare/growth.py",
+        "found[k] = east, -north",
+        "found[k] = -east, north",
+        ("tests/navgrade/compare/test_study.py::test_vibration_makes_coning_and_sculling_count",),
+    ),
+    Mutation(
+        "compare: response to a tilt",
+        "navgrade/compare/growth.py",
+        "self.R * (1.0 - np.cos(self.schuler * s))",
+        "self.R * np.sin(self.schuler * s)",
+        ("tests/navgrade/compare/test_growth.py",),
+    ),
+    Mutation(
+        "report: with truth, costs of the sensors",
+        "navgrade/report/curves.py",
+        "apart = apart - engine.position_error[row, :2]",
+        "apart = 1.0 * apart",
+        ("tests/navgrade/report/test_page.py::test_with_truth_costs_stay_those_of_the_model",),
+    ),
+    Mutation(
+        "report: a label ends a script",
+        "navgrade/report/page.py",
+        '.replace("<", "\\\\u003c")',
+        "",
+        ("tests/navgrade/report/test_page.py::test_a_label_ends_no_script",),
     ),
 )
 

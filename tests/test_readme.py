@@ -49,3 +49,25 @@ def test_tour(
     printed = capsys.readouterr().out
     missing = [line for line in tour[2].splitlines() if line and line not in printed]
     assert not missing
+
+
+def test_simulate_run_compare(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The three commands in a row print what is shown; so they do along the drawn path."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "data").symlink_to(ROOT / "data")
+    shown = re.search(r"```\n(\$ navgrade simulate .*?)```", README, re.DOTALL)
+    assert shown is not None
+    calls = [line for line in shown[1].splitlines() if line.startswith("$")]
+    assert len(calls) == 3
+    for call in (*calls, *(call.replace("car", "path") for call in calls)):
+        with pytest.raises(SystemExit) as stop:
+            main(call.split()[2:])
+        assert stop.value.code == 0, call
+        printed = capsys.readouterr().out
+        if call == calls[-1]:
+            missing = [line for line in shown[1].splitlines()[3:] if line not in printed]
+            assert not missing
+    assert (tmp_path / "car.html").stat().st_size > 1_000_000
+    assert (tmp_path / "path.html").stat().st_size > 1_000_000

@@ -94,40 +94,36 @@ def _engine(t: Array, rows: NDArray[np.intp], engine: Variant) -> str:
     largest = float(np.nanmax(engine.horizontal))
     if largest < SMALL:
         return (
-            f"The full engine stays within {length_text(largest)} of the truth: this IMU and its "
-            "start have no errors to speak of."
+            f"The full engine stays within {length_text(max(largest, 1e-6))} of the truth: the "
+            "sensors and the starting state have no errors to speak of."
         )
     errors = ", ".join(
         f"{length_text(float(engine.horizontal[row]))} after {time_text(float(t[row]))}"
         for row in rows
         if t[row] >= 5.0 and np.isfinite(engine.horizontal[row])
     )
-    return f"The full engine is off by {errors}: that is the IMU and its start."
+    return f"The full engine is off by {errors}: that is the sensors and the starting state."
 
 
 def _flat_or_imu(
     t: Array, model: Array, engine: Variant, imu_error: Array | None, *, against_truth: bool
 ) -> str:
     if against_truth:
-        own, whose = engine.horizontal, "the IMU and its start"
+        own, whose = engine.horizontal, "the sensors and the starting state"
     elif imu_error is not None:
-        own, whose = imu_error, "the stated errors of the IMU"
+        own, whose = imu_error, "its stated errors"
     else:
         return (
             "Nothing says how good this IMU is: with [imu.errors] in the site file, or with a "
             "truth, this page would tell from when on the flat world is the larger error."
         )
     since = crossing(t, model, own)
+    flat = "With this IMU the flat world is"
     if since is None:
-        return (
-            f"With this IMU the flat world is not the larger error: {whose} cost more throughout."
-        )
+        return f"{flat} never the larger error: {whose} cost more throughout."
     if since <= t[min(1, len(t) - 1)]:
-        return f"With this IMU the flat world is the larger error from the start, not {whose}."
-    return (
-        f"With this IMU the flat world is the larger error after {time_text(since)}; before, it is "
-        f"{whose}."
-    )
+        return f"{flat} the larger error throughout: {whose} cost less."
+    return f"{flat} the larger error after {time_text(since)}; before that, {whose} are."
 
 
 def _integrators(by_name: dict[str, Variant], end: int, t: Array) -> str:

@@ -140,6 +140,6 @@ def test_the_verdict_says_so(both: tuple[Comparison, NavState]) -> None:
     since = round(comparison.t[behind[-1] + 1])
     assert 10 <= since <= 30
     assert comparison.verdict[0] == (
-        f"With this IMU the flat world is the larger error after {since} s; before, it is the IMU "
-        "and its start."
+        f"With this IMU the flat world is the larger error after {since} s; before that, the "
+        "sensors and the starting state are."
     )
