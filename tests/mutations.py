@@ -19,7 +19,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
-PARTS = ("earth", "align", "navgrade", "tests", "pyproject.toml")
+PARTS = ("earth", "align", "navgrade", "tests", "data", "pyproject.toml")
 STEP = "navgrade/mechanization/step.py"
 NED = "navgrade/mechanization/ned.py"
 CARTESIAN = "navgrade/mechanization/cartesian.py"

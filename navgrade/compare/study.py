@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -65,6 +65,34 @@ _CONTEXT = 1.0  # s of samples before the start, for reconstructions that look b
 _POINTS = 300  # times spaced evenly in logarithm, and again as many evenly in time
 _FIRST = 0.01  # s
 _HORIZONTAL: Axis = "horizontal"
+
+
+class _Truth(NamedTuple):
+    """What solutions are compared with."""
+
+    source: str
+    time_ns: NDArray[np.int64]
+    states: States
+
+
+def _known(track: Track) -> _Truth:
+    """A track that can be compared with: heights, and Unix times that increase.
+
+    Raises
+    ------
+    LogError
+        Where it has not.
+    """
+    if track.h is None or track.time_ns is None or not track.is_unix:
+        lacks = "heights (height_m)" if track.h is None else "Unix times (unix_s or time_ns)"
+        raise LogError(f"the truth {track.source} has no {lacks}")
+    late = np.flatnonzero(np.diff(track.time_ns) <= 0)
+    if late.size:
+        raise LogError(f"the truth {track.source} goes back in time after its row {late[0] + 1}")
+    nowhere = States.nowhere(len(track))
+    v = nowhere.v_eb_n if track.v_eb_n is None else track.v_eb_n
+    q = nowhere.q_nb if track.q_nb is None else track.q_nb
+    return _Truth(track.source, track.time_ns, States(track.lat, track.lon, track.h, v, q))
 
 
 @dataclass(frozen=True, eq=False)
@@ -219,15 +247,16 @@ def compare(
     reconstruction = _reconstruction(choices, site)
     if not (np.isfinite(duration) and duration > 0.0):
         raise ConfigError(f"the duration must be positive, got {duration!r} s")
-    state, aligned = _start(log, site, truth)
+    known = None if truth is None else _known(truth)
+    state, aligned = _start(log, site, known)
     imu = _samples(log, state.t, duration)
-    at = _times(imu, state.t, truth)
+    at = _times(imu, state.t, known)
     t = at - state.t
     epochs = _epochs(t)
     common: dict[str, Any] = {"bridge_gaps": choices.bridge_gaps}
     nav = navigate(imu, state, reconstruction=reconstruction, **common)
     full, _ = at_times([nav], state, at)
-    reference = full if truth is None else _truth_at(truth, imu.epoch_ns, at)
+    reference = full if known is None else _truth_at(known, imu.epoch_ns, at)
     removable = log.kind != "compensated" and has_body_terms(reconstruction)
     body = BODY_TERMS if removable else {}
     terms = {name: what for name, what in TERMS.items() if name in body or name not in BODY_TERMS}
@@ -298,31 +327,22 @@ def _reconstruction(choices: Choices, site: Site) -> str:
     return chosen
 
 
-def _start(log: ImuLog, site: Site, truth: Track | None) -> tuple[NavState, AlignedWindow | None]:
+def _start(log: ImuLog, site: Site, truth: _Truth | None) -> tuple[NavState, AlignedWindow | None]:
     if truth is None or site.initial is not None or site.window is not None:
         return starting_state(log, site)
-    if truth.v_eb_n is None or truth.q_nb is None:
-        raise ConfigError(
-            f"nothing says where to start: {truth.source} has no "
-            f"{'velocities' if truth.v_eb_n is None else 'attitudes'}, so the site file needs "
-            "[initial], or [site] and [alignment]",
-            file=site.file,
-        )
     t = (truth.time_ns - log.epoch_ns) * 1e-9
     row = int(np.searchsorted(t, 0.0))
     if row == len(t):
         raise LogError(f"{truth.source} ends before the log begins", file=str(log.path))
-    return (
-        NavState(
-            lat=truth.lat[row],
-            lon=truth.lon[row],
-            h=truth.h[row],
-            v_eb_n=truth.v_eb_n[row],
-            q_nb=truth.q_nb[row],
-            t=t[row],
-        ),
-        None,
-    )
+    lat, lon, h, v_eb_n, q_nb = truth.states.rows(slice(row, row + 1))
+    if not (np.isfinite(v_eb_n).all() and np.isfinite(q_nb).all()):
+        lacks = "attitude" if np.isfinite(v_eb_n).all() else "velocity"
+        raise ConfigError(
+            f"nothing says where to start: {truth.source} has no {lacks}, so the site file needs "
+            "[initial], or [site] and [alignment]",
+            file=site.file,
+        )
+    return NavState(lat[0], lon[0], h[0], v_eb_n[0], q_nb[0], float(t[row])), None
 
 
 def _samples(log: ImuLog, start: float, duration: float) -> ImuSamples:
@@ -344,7 +364,7 @@ def _samples(log: ImuLog, start: float, duration: float) -> ImuSamples:
     return whole[int(first) : int(stop)]
 
 
-def _times(imu: ImuSamples, start: float, truth: Track | None) -> Array:
+def _times(imu: ImuSamples, start: float, truth: _Truth | None) -> Array:
     """Instants to look at, among those of the samples or of the truth."""
     known = imu.t[imu.t > start]
     if truth is not None:
@@ -380,17 +400,8 @@ def _epochs(t: Array) -> Array:
     return np.asarray(t[np.unique(rows)])
 
 
-def _truth_at(truth: Track, epoch_ns: int, at: Array) -> States:
-    rows = np.searchsorted((truth.time_ns - epoch_ns) * 1e-9, at - 1e-9)
-    unknown = States.nowhere(len(truth))
-    known = States(
-        truth.lat,
-        truth.lon,
-        truth.h,
-        unknown.v_eb_n if truth.v_eb_n is None else truth.v_eb_n,
-        unknown.q_nb if truth.q_nb is None else truth.q_nb,
-    )
-    return known.rows(rows)
+def _truth_at(truth: _Truth, epoch_ns: int, at: Array) -> States:
+    return truth.states.rows(np.searchsorted((truth.time_ns - epoch_ns) * 1e-9, at - 1e-9))
 
 
 def _drive(

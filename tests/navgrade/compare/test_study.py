@@ -80,10 +80,11 @@ def truth_of(motion: AnyMotion, t: np.ndarray, *, whole: bool = True) -> Track:
     s = motion.state(t)
     return Track(
         "/truth",
-        EPOCH_NS + np.rint(t * 1e9).astype(np.int64),
         s.lat,
         s.lon,
         s.h,
+        EPOCH_NS + np.rint(t * 1e9).astype(np.int64),
+        True,
         s.v_eb_n if whole else None,
         s.q_nb if whole else None,
     )
@@ -186,7 +187,7 @@ def test_the_truth_also_says_where_to_start(tmp_path: Path) -> None:
     # the log's own time 0 is its first sample, 0.01 s after the motion's
     assert comparison.start_ns == EPOCH_NS + 210_000_000
     assert comparison.variants[0].horizontal.max() < 1e-5  # m
-    with pytest.raises(ConfigError, match="has no velocities, so the site file needs"):
+    with pytest.raises(ConfigError, match="has no velocity, so the site file needs"):
         found(log, plain, truth_of(motion, np.arange(21, 1200) * 0.01, whole=False))
     del site
 
