@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-import os
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass
@@ -17,8 +16,9 @@ from numpy.typing import NDArray
 
 from navgrade.errors import ConfigError, LogError
 from navgrade.imu import ImuSamples
+from navgrade.logs.appearing import appearing
 from navgrade.logs.container import McapFile
-from navgrade.logs.container.writer import McapWriter, check_output
+from navgrade.logs.container.writer import McapWriter
 from navgrade.logs.imu_log import ImuLog
 from navgrade.logs.imu_topic import INCREMENTS, RATES, ImuTopic, stamps_ns
 from navgrade.logs.outgoing import Columns
@@ -253,20 +253,11 @@ def write_table(path: Path, blocks: Iterable[Columns], *, overwrite: bool = Fals
     ConfigError
         On another suffix, when pyarrow is missing for Parquet, or `path` must not be written.
     """
-    check_output(path, overwrite=overwrite)
     if path.suffix not in _TABLES:
         raise ConfigError(f"the output {path} does not end in {' or '.join(_TABLES)}")
     write = _TABLES[path.suffix]
-    part = path.with_name(path.name + ".part")
-    try:
-        with part.open("wb") as stream:
-            rows = write(stream, blocks)
-            stream.flush()
-            os.fsync(stream.fileno())
-        part.replace(path)
-    finally:
-        part.unlink(missing_ok=True)
-    return rows
+    with appearing(path, overwrite=overwrite) as stream:
+        return write(stream, blocks)
 
 
 def _write_csv(stream: BinaryIO, blocks: Iterable[Columns]) -> int:

@@ -129,7 +129,8 @@ def read_track_csv(path: Path) -> Track:
     ``time_ns`` or ``log_time_ns`` (since 1970), or ``time``, such as 2026-01-01T00:00:00Z; an
     attitude where there is one: ``roll_deg``, ``pitch_deg`` and ``heading_deg``, or ``qw``, ``qx``,
     ``qy``, ``qz``, which turn vectors of the body (forward-right-down) into north-east-down; a
-    velocity likewise: ``v_north_m_s``, ``v_east_m_s``, ``v_down_m_s``. Other columns are left alone.
+    velocity likewise: ``v_north_m_s``, ``v_east_m_s``, ``v_down_m_s``. Other columns are left
+    alone.
 
     Raises
     ------

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from navgrade.compare.result import Comparison, Group, Variant
+from navgrade.logs.appearing import appearing
 from navgrade.report.curves import (
     IMU_COLOR,
     REFERENCE_COLOR,
@@ -31,7 +32,6 @@ from navgrade.report.figures import (
     growth_figure,
     track_figure,
 )
-from navgrade.report.output import appearing
 from navgrade.report.words import (
     GROUPS,
     clock,

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from navgrade.compare.result import Comparison
+from navgrade.logs.appearing import appearing
 from navgrade.report.curves import (
     IMU_COLOR,
     MINUTES,
@@ -25,7 +26,7 @@ from navgrade.report.curves import (
     rows_in_time,
     styles,
 )
-from navgrade.report.output import appearing, places
+from navgrade.report.output import places
 from navgrade.report.words import readable, readable_time
 
 if TYPE_CHECKING:
