@@ -134,7 +134,17 @@ def scenarios(write: bool) -> None:
 def main() -> None:
     """Run the benchmarks named on the command line, all of them by default."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks", description=__doc__)
-    choices = ("accuracy", "speed", "solvers", "mcap", "schemas", "lectures", "scenarios", "all")
+    choices = (
+        "accuracy",
+        "speed",
+        "solvers",
+        "mcap",
+        "schemas",
+        "lectures",
+        "scenarios",
+        "studies",
+        "all",
+    )
     parser.add_argument("what", nargs="?", choices=choices, default="all")
     parser.add_argument(
         "--write",
@@ -163,6 +173,11 @@ def main() -> None:
         lectures(options.write)
     if options.what in ("scenarios", "all"):
         scenarios(options.write)
+    if options.what in ("studies", "all"):
+        from benchmarks.studies import study_rows
+
+        for row in study_rows():
+            print(row, flush=True)
 
 
 if __name__ == "__main__":
