@@ -330,13 +330,13 @@ def navigate(
         without=without,
         room=room,
     )
-    return _join(list(pieces), room)
+    return concatenated(list(pieces), room)
 
 
-def _join(pieces: list[Trajectory], room: Columns) -> Trajectory:
+def concatenated(pieces: list[Trajectory], room: Columns | None = None) -> Trajectory:
     """Put consecutive pieces together, which were written to `room` unless it was too small."""
     rows = sum(map(len, pieces))
-    if rows <= len(room.lat):
+    if room is not None and rows <= len(room.lat):
         columns = room.rows(0, rows)
     else:
         columns = Columns(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import click
@@ -11,6 +12,7 @@ from navgrade.cli.options import log_argument, source_options
 from navgrade.cli.show import show_comparison, show_source
 from navgrade.cli.terminal import console, count_bar, row
 from navgrade.compare.study import EPOCHS, SOLUTIONS, compare
+from navgrade.config import parse_time_ns
 from navgrade.errors import ConfigError
 from navgrade.job import Choices, open_log
 from navgrade.logs import Track, check_output, list_topics, read_aiding, read_track_csv, track_of
@@ -34,6 +36,11 @@ from navgrade.site import read_site
     "--truth",
     metavar="TOPIC|CSV",
     help="What to compare with: a topic of LOG, or a text file (docs/compare.md).",
+)
+@click.option(
+    "--truth-epoch",
+    metavar="TIME",
+    help="When time 0 of the truth is, such as 2026-01-01T00:00:00Z; Unix times need none.",
 )
 @click.option(
     "--duration",
@@ -61,6 +68,7 @@ def command(
     strict: bool,
     output: Path,
     truth: str | None,
+    truth_epoch: str | None,
     duration: float,
     reconstruction: str | None,
     png: Path | None,
@@ -84,7 +92,7 @@ def command(
     source = open_log(log, site, choices)
     if not as_json:
         show_source(source, axes_given=bool(axes or site.axes))
-    known = None if truth is None else _truth(log, truth, strict=strict)
+    known = None if truth is None else _truth(log, truth, truth_epoch, strict=strict)
     with count_bar("comparing", SOLUTIONS) as progress:
         found = compare(source, site, choices, truth=known, duration=duration, progress=progress)
     write_page(found, output, overwrite=overwrite)
@@ -100,11 +108,18 @@ def command(
     console.print()
 
 
-def _truth(log: str | Path, truth: str, *, strict: bool) -> Track:
+def _truth(log: str | Path, truth: str, epoch: str | None, *, strict: bool) -> Track:
     """A text file of that name, or else a topic of the log."""
     path = Path(truth)
     if path.is_file():
-        return read_track_csv(path)
+        track = read_track_csv(path)
+        if epoch is None or track.time_ns is None:
+            return track
+        try:
+            epoch_ns = parse_time_ns(epoch)
+        except ValueError as error:
+            raise ConfigError(f"--truth-epoch: {error}") from None
+        return replace(track, time_ns=track.time_ns + epoch_ns, is_unix=True)
     if truth not in {topic.name for topic in list_topics(log)}:
         raise ConfigError(
             f"--truth {truth}: there is neither a file nor a topic of {log} of this name"

@@ -21,11 +21,12 @@ from navgrade.compare.result import Axis, Comparison, Group, Growth, Variant
 from navgrade.compare.sampling import Difference, States, at_times, difference, in_plane
 from navgrade.compare.verdict import verdict
 from navgrade.errors import ConfigError, LogError
+from navgrade.gaps import Gap
 from navgrade.imu import ImuSamples, concatenate
 from navgrade.job import AlignedWindow, Choices, setting, starting_state
 from navgrade.logs import ImuLog, Track
 from navgrade.mechanization.terms import SPHERE
-from navgrade.navigation import BLOCK, TERMS, navigate, solve
+from navgrade.navigation import BLOCK, TERMS, concatenated, solve
 from navgrade.reconstruction import (
     BODY_TERMS,
     DEFAULT,
@@ -83,9 +84,13 @@ def _known(track: Track) -> _Truth:
     LogError
         Where it has not.
     """
-    if track.h is None or track.time_ns is None or not track.is_unix:
-        lacks = "heights (height_m)" if track.h is None else "Unix times (unix_s or time_ns)"
-        raise LogError(f"the truth {track.source} has no {lacks}")
+    if track.h is None:
+        raise LogError(f"the truth {track.source} has no heights (height_m)")
+    if track.time_ns is None or not track.is_unix:
+        raise LogError(
+            f"the truth {track.source} has no Unix times (unix_s or time_ns); say when its time 0 "
+            "is, --truth-epoch 2026-01-01T00:00:00Z"
+        )
     late = np.flatnonzero(np.diff(track.time_ns) <= 0)
     if late.size:
         raise LogError(f"the truth {track.source} goes back in time after its row {late[0] + 1}")
@@ -253,8 +258,11 @@ def compare(
     at = _times(imu, state.t, known)
     t = at - state.t
     epochs = _epochs(t)
+    gaps: list[Gap] = []
     common: dict[str, Any] = {"bridge_gaps": choices.bridge_gaps}
-    nav = navigate(imu, state, reconstruction=reconstruction, **common)
+    nav = concatenated(
+        list(solve(imu.blocks(BLOCK), state, reconstruction=reconstruction, gaps=gaps, **common))
+    )
     full, _ = at_times([nav], state, at)
     reference = full if known is None else _truth_at(known, imu.epoch_ns, at)
     removable = log.kind != "compensated" and has_body_terms(reconstruction)
@@ -276,6 +284,8 @@ def compare(
     left = _body_errors(imu, state, nav, reconstruction, epochs, body)
     drive = _drive(state, full, t, epochs, left)
     notes = _notes(site, choices, truth)
+    notes += [f"the file is damaged: {issue.text}" for issue in log.issues]
+    notes += [f"a gap of {gap.length:.3f} s at {gap.start:.3f} s is bridged" for gap in gaps]
     found: list[tuple[str, str, Group, States]] = [
         ("engine", f"Earth frame, {reconstruction}", "engine", full)
     ]

@@ -26,7 +26,7 @@ _COLUMNS: dict[str, tuple[str, ...]] = {
     "lon": ("longitude_deg", "lon_deg", "longitude", "lon"),
     "h": ("height_m", "h_m"),
 }
-_TIMES = {"time_s": 9, "unix_s": 9, "time_ns": 0, "log_time_ns": 0}  # powers of ten to ns
+_TIMES = {"time_s": 9, "t_s": 9, "unix_s": 9, "time_ns": 0, "log_time_ns": 0}  # powers of ten to ns
 _EULER = ("roll_deg", "pitch_deg", "heading_deg")
 _QUATERNION = ("qw", "qx", "qy", "qz")
 _VELOCITY = ("v_north_m_s", "v_east_m_s", "v_down_m_s")
@@ -125,8 +125,9 @@ def read_track_csv(path: Path) -> Track:
     """Read points from a table whose first line names its columns.
 
     ``latitude_deg`` (or lat_deg, latitude, lat), ``longitude_deg`` likewise, ``height_m`` (or h_m)
-    above the ellipsoid; a time where there is one: ``time_s`` (from any zero), ``unix_s``,
-    ``time_ns`` or ``log_time_ns`` (since 1970), or ``time``, such as 2026-01-01T00:00:00Z; an
+    above the ellipsoid; a time where there is one: ``time_s`` or ``t_s`` (from any zero),
+    ``unix_s``, ``time_ns`` or ``log_time_ns`` (since 1970), or ``time``, such as
+    2026-01-01T00:00:00Z; an
     attitude where there is one: ``roll_deg``, ``pitch_deg`` and ``heading_deg``, or ``qw``, ``qx``,
     ``qy``, ``qz``, which turn vectors of the body (forward-right-down) into north-east-down; a
     velocity likewise: ``v_north_m_s``, ``v_east_m_s``, ``v_down_m_s``. Other columns are left
@@ -233,7 +234,7 @@ def _times(
             ) from None
         except (ValueError, OverflowError) as error:
             raise path_error(path, f"line {line}: {error}") from None
-    return out, name != "time_s"
+    return out, name not in ("time_s", "t_s")
 
 
 def check_range(

@@ -79,6 +79,31 @@ def test_json_alone(desk: Desk) -> None:
     assert found["verdict"][0].startswith("Nothing says how good this IMU is")
 
 
+def test_a_truth_with_a_zero_of_its_own(desk: Desk) -> None:
+    """The epoch makes Unix times of seconds."""
+    truth = desk.truth(HEADER.replace("unix_s", "t_s"))
+    text = truth.read_text()
+    for second in range(12):
+        text = text.replace(f"\n{1767225600 + second}.", f"\n{second}.")
+    truth.write_text(text)
+    desk.refused("has no Unix times", "--truth-epoch", options=("--truth", truth))
+    chosen = "--truth", truth, "--truth-epoch"
+    desk.refused("'noon' is not a time", options=(*chosen, "noon"))
+    outcome = desk.compare(*chosen, "2026-01-01T00:00:00Z", "--json")
+    assert outcome.code == 0, outcome
+    engine = json.loads(outcome.out)["variants"][0]
+    assert max(engine["horizontal_m"]) < 1e-4  # m
+
+
+def test_damage_is_told(desk: Desk) -> None:
+    whole = desk.log.read_bytes()
+    desk.log.write_bytes(whole[:-30])  # the end of the summary
+    outcome = desk.compare("--duration", 2)
+    assert outcome.code == 0, outcome
+    assert "warning: the file is damaged: " in outcome.out
+    assert "the file is damaged" in desk.page.read_text()
+
+
 def test_what_is_there_is_kept(desk: Desk) -> None:
     desk.page.write_text("mine")
     one_sentence(desk.compare(), "report.html", "exists")
