@@ -22,6 +22,7 @@ ROOT = Path(__file__).resolve().parents[1]
 PARTS = ("earth", "align", "navgrade", "tests", "data", "pyproject.toml")
 STEP = "navgrade/mechanization/step.py"
 NED = "navgrade/mechanization/ned.py"
+TERMS = "navgrade/mechanization/terms.py"
 CARTESIAN = "navgrade/mechanization/cartesian.py"
 WANDER = "navgrade/mechanization/wander.py"
 PRODUCTS = "navgrade/reconstruction/products.py"
@@ -109,36 +110,36 @@ MUTATIONS = (
     ),
     Mutation(
         "n: Coriolis sign",
-        NED,
-        "(g[0] - coriolis[0], g[1] - coriolis[1], g[2] - coriolis[2])",
-        "(g[0] + coriolis[0], g[1] + coriolis[1], g[2] + coriolis[2])",
+        TERMS,
+        "return g[0] - coriolis[0], g[1] - coriolis[1], g[2] - coriolis[2]",
+        "return g[0] + coriolis[0], g[1] + coriolis[1], g[2] + coriolis[2]",
         (TURNS,),
     ),
     Mutation(
         "n: Coriolis sign, east",
-        NED,
+        TERMS,
         "g[1] - coriolis[1]",
         "g[1] + coriolis[1]",
         (TURNS,),
     ),
     Mutation(
         "n: Coriolis sign, down",
-        NED,
+        TERMS,
         "g[2] - coriolis[2]",
         "g[2] + coriolis[2]",
         (TURNS,),
     ),
     Mutation(
         "n: transport left out of the frame's rate",
-        NED,
-        "(ie_n + en_n, en_e, ie_d + en_d)",
-        "(ie_n, en_e, ie_d)",
+        TERMS,
+        "return ie_n + en[0], en[1], ie_d + en[2]",
+        "return ie_n, en[1], ie_d",
         (TURNS,),
     ),
     Mutation(
         "n: Coriolis without transport",
         NED,
-        "cross((2.0 * ie_n + en_n, en_e, 2.0 * ie_d + en_d), v)",
+        "cross((2.0 * ie_n + en[0], en[1], 2.0 * ie_d + en[2]), v)",
         "cross((2.0 * ie_n, 0.0, 2.0 * ie_d), v)",
         (TURNS,),
     ),
