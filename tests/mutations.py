@@ -727,7 +727,9 @@ def is_red(mutation: Mutation, *options: str) -> bool:
             "PYTHONPATH": str(folder),
             "NUMBA_CACHE_DIR": str(folder / "cache"),
         }
-        command = [sys.executable, "-m", "pytest", "-x", "-q", "-p", "no:cacheprovider", *options]
+        # no diffs of what differs: those of long bytes take minutes
+        quick = ("-x", "-q", "--assert=plain", "-p", "no:cacheprovider")
+        command = [sys.executable, "-m", "pytest", *quick, *options]
         done = subprocess.run(
             [*command, *mutation.tests], cwd=folder, env=environment, capture_output=True, text=True
         )
