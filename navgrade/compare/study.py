@@ -21,7 +21,7 @@ from navgrade.compare.result import Axis, Comparison, Group, Growth, Variant
 from navgrade.compare.sampling import Difference, States, at_times, difference, in_plane
 from navgrade.compare.verdict import verdict
 from navgrade.errors import ConfigError, LogError
-from navgrade.gaps import Gap
+from navgrade.gaps import Gap, without_gaps
 from navgrade.imu import ImuSamples, concatenate
 from navgrade.job import AlignedWindow, Choices, setting, starting_state
 from navgrade.logs import ImuLog, Track
@@ -281,7 +281,7 @@ def compare(
         )
         for name in terms
     ]
-    left = _body_errors(imu, state, nav, reconstruction, epochs, body)
+    left = _body_errors(imu, state, nav, reconstruction, epochs, body, **common)
     drive = _drive(state, full, t, epochs, left)
     notes = _notes(site, choices, truth)
     notes += [f"the file is damaged: {issue.text}" for issue in log.issues]
@@ -448,6 +448,8 @@ def _body_errors(
     reconstruction: str,
     epochs: Array,
     terms: Iterable[str],
+    *,
+    bridge_gaps: bool,
 ) -> dict[str, Array]:
     """The error north and east at the epochs that each body term would leave, m."""
     level = Level.at(state.lat, state.h)
@@ -456,11 +458,12 @@ def _body_errors(
     v = nav.v_eb_n[:, :2]
     r = cumulative_trapezoid(v, t, axis=0, initial=0.0)
     stops = np.searchsorted(t, epochs - 1e-6) + 1
-    raw = list(to_increments(imu.blocks(BLOCK)))
+    bridged = without_gaps(imu.blocks(BLOCK), bridge=bridge_gaps, gaps=[], since=state.t)
+    raw = list(to_increments(bridged))
+    whole = list(reconstruct(raw, reconstruction))
     errors = {}
     for term in terms:
         added = []
-        whole = reconstruct(raw, reconstruction)
         for full, less in zip(whole, reconstruct(raw, reconstruction, without=term), strict=True):
             added.append(full.phi - less.phi if term == "coning" else full.dv - less.dv)
         in_b = np.concatenate(added)[-len(t) :]

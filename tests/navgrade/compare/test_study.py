@@ -10,7 +10,8 @@ import pytest
 from navgrade import write_increments
 from navgrade.compare.result import Comparison, Variant
 from navgrade.compare.study import EPOCHS, compare
-from navgrade.errors import ConfigError, LogError
+from navgrade.errors import ConfigError, GapError, LogError
+from navgrade.imu import concatenate
 from navgrade.job import Choices, open_log
 from navgrade.logs import Track
 from navgrade.site import Site, read_site
@@ -220,6 +221,21 @@ def test_refusals(tmp_path: Path) -> None:
     late = site.read_text().replace(str(EPOCH_NS + 500_000_000), str(EPOCH_NS + 9_000_000_000))
     site.write_text(late)
     with pytest.raises(LogError, match=r"ends before 8\.990 s, where navigation would start"):
+        found(log, site)
+
+
+def test_a_gap_is_bridged_in_every_solution(tmp_path: Path) -> None:
+    imu = samples(turning_vehicle().increments(np.arange(801) * 0.01))
+    log, site = make(tmp_path, turning_vehicle(), 8.0)
+    kept = concatenate([imu[:300], imu[370:]])  # longer than what precedes the start
+    object.__setattr__(kept, "epoch_ns", EPOCH_NS)
+    write_increments(log, kept, overwrite=True)
+    known = read_site(site)
+    choices = Choices(bridge_gaps=True)
+    comparison = compare(open_log(log, known, choices), known, choices)
+    assert comparison.notes[0].startswith("a gap of 0.7")
+    assert all(np.isfinite(variant.horizontal).all() for variant in comparison.variants)
+    with pytest.raises(GapError):
         found(log, site)
 
 
