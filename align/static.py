@@ -22,9 +22,10 @@ from align.errors import AlignmentError, WeakGyrosError
 from align.gyrocompass import gyrocompass
 from align.leveling import level, leveled_attitude
 from align.result import Alignment, Contribution, Convergence
+from align.triad import triad
 from align.window import SIGNIFICANT, Window, compass, conclude, examine, small_rotation
 from earth.ellipsoid import WGS84, Ellipsoid
-from earth.rotation import dcm_from_quat, euler_from_quat, quat_from_euler
+from earth.rotation import dcm_from_quat, euler_from_quat, quat_from_dcm, quat_from_euler
 from earth.units import DEG, DEG_PER_H
 
 Array = NDArray[np.float64]
@@ -197,14 +198,16 @@ def _attitude(method: str, window: Window, known_heading: KnownHeading | None) -
     if method == "triad":
         return window.by_gyros
     if method == "gyrocompass":
+        plumb_n = triad(-window.g_n, window.omega_ie_n, (0.0, 0.0, -1.0), (1.0, 0.0, 0.0))
 
         def leveled_gyros(f: Array, omega: Array) -> Array:
             roll, pitch = level(f)
-            return quat_from_euler(roll, pitch, gyrocompass(omega, roll, pitch))
+            leveled = quat_from_euler(roll, pitch, gyrocompass(omega, roll, pitch))
+            return quat_from_dcm(plumb_n @ dcm_from_quat(leveled))
 
         return leveled_gyros
     heading = 0.0 if method == "level" or known_heading is None else known_heading.heading
-    return lambda f, omega: leveled_attitude(f, heading)
+    return lambda f, omega: leveled_attitude(f, heading, g_n=window.g_n)
 
 
 def _too_weak(window: Window, azimuth: float) -> str:
@@ -241,7 +244,7 @@ def _contradicted(window: Window, gyros: _Gyros, known: KnownHeading) -> list[st
     """The warning that gyros and the given heading exclude each other, if they do."""
     if gyros.q_nb is None:
         return []
-    q_known = leveled_attitude(window.f_ib_b, known.heading)
+    q_known = leveled_attitude(window.f_ib_b, known.heading, g_n=window.g_n)
     pitch = float(euler_from_quat(q_known)[1])
     by_tilt = window.tilt / max(abs(np.cos(pitch)), 1e-12)  # roll, and heading, at pitch 90°
     explained = float(np.linalg.norm([gyros.sigma, known.sigma, by_tilt]))

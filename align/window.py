@@ -105,7 +105,9 @@ class Window:
 
     def by_gyros(self, f_ib_b: Array, omega_ib_b: Array) -> Array:
         """Attitude of two means of this site, ``q_nb``."""
-        return quat_from_dcm(analytic_coarse(f_ib_b, omega_ib_b))
+        return quat_from_dcm(
+            analytic_coarse(f_ib_b, omega_ib_b, g_n=self.g_n, omega_ie_n=self.omega_ie_n)
+        )
 
 
 def examine(
@@ -222,7 +224,7 @@ def conclude(
         )
     grade, verdict = judge(tilt, azimuth)
     shown = window.shown
-    report = {
+    report: dict[str, Any] = {
         "method": method,
         "reason": reason,
         "q_nb": q_nb,

@@ -5,7 +5,7 @@ from dataclasses import FrozenInstanceError, replace
 import numpy as np
 import pytest
 
-from align import KnownHeading, SensorErrors, Alignment, align_static
+from align import Alignment, KnownHeading, SensorErrors, align_static
 from earth import GRS80, WGS84
 from tests.align.at_rest import DEG, DEG_H, UG, Window, error_n, rotation, still
 from tests.oracles.constants import OMEGA
