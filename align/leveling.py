@@ -49,10 +49,10 @@ def level_two_axes(fx: float, fy: float, g: float) -> tuple[float, float]:
         rad, in ±pi/2: a body upside down looks upright. Errors, first order, of accelerometer
         errors ``bx, by`` and an error ``dg`` of gravity ::
 
-            pitch = (bx - sin(pitch) dg) / (g cos(pitch))
-            roll = -(by + cos(pitch) sin(roll) dg) / (g cos(pitch) cos(roll)) + tan(roll) tan(pitch) d
+            p = (bx - sin(pitch) dg) / (g cos(pitch))
+            r = -(by/cos(pitch) + sin(roll) dg) / (g cos(roll)) + tan(roll) tan(pitch) p
 
-        with d the pitch error. They grow without bound toward 90° and are `level`'s near the
+        They grow without bound toward 90° and are `level`'s near the
         level, where `dg` drops out.
 
     Raises

@@ -171,7 +171,8 @@ def _units(name: str, vectors: ArrayLike) -> Array:
 
 def _profile(n: Array, b: Array, weight: Array) -> Array:
     """Attitude profile matrix; the loss is ``1 - trace(B C_bn)``."""
-    return np.einsum("k,ki,kj->ij", weight, n, b)
+    B: Array = np.einsum("k,ki,kj->ij", weight, n, b)
+    return B
 
 
 def _parts(B: Array) -> tuple[float, Array, Array]:
