@@ -162,6 +162,53 @@ def known_heading_budget(
     )
 
 
+def wahba_budget(
+    gyro_bias: float,
+    gyro_noise: float,
+    accel_bias: float,
+    accel_noise: float,
+    lat: float,
+    g: float,
+    ellipsoid: Ellipsoid = WGS84,
+) -> tuple[Contribution, ...]:
+    """What each sensor error adds to the weighted attitude of `align.wahba.vectors_at_rest`.
+
+    Azimuth and the turn about north are those of a gyrocompass; the turn about east is the mean of
+    what gravity and what the Earth rate say, weighted by their sigmas.
+    """
+    by_force = np.hypot(accel_bias, accel_noise) / g
+    by_rate = np.hypot(gyro_bias, gyro_noise) / ellipsoid.omega
+    share = by_rate**2 / (by_rate**2 + by_force**2)  # of gravity in the turn about east
+    lines = gyro_budget(gyro_bias, gyro_noise, accel_bias, accel_noise, lat, g, ellipsoid)
+    rates = (gyro_bias, gyro_noise, 0.0, 0.0)
+    return tuple(
+        Contribution(
+            line.source,
+            float(
+                np.sqrt(
+                    0.5 * (1.0 + share**2) * line.tilt**2
+                    + 0.5 * ((1.0 - share) * rate / ellipsoid.omega) ** 2
+                )
+            ),
+            line.azimuth,
+        )
+        for line, rate in zip(lines, rates, strict=True)
+    )
+
+
+def left_over(P_n: Array, lines: tuple[Contribution, ...]) -> tuple[Contribution, ...]:
+    """Budget of a filter: what its covariance holds of each bias of `lines`, the rest as noise."""
+    tilt, azimuth = 0.5 * (P_n[0, 0] + P_n[1, 1]), P_n[2, 2]
+    found = []
+    for line in lines:
+        if line.source.endswith("noise"):
+            continue
+        by_tilt, by_azimuth = min(line.tilt**2, tilt), min(line.azimuth**2, azimuth)
+        found.append(Contribution(line.source, float(np.sqrt(by_tilt)), float(np.sqrt(by_azimuth))))
+        tilt, azimuth = tilt - by_tilt, azimuth - by_azimuth
+    return (*found, Contribution("noise", float(np.sqrt(tilt)), float(np.sqrt(azimuth))))
+
+
 def judge(tilt: float, azimuth: float) -> tuple[Grade, str]:
     """Say what an attitude of these sigmas, rad, is good for."""
     level = f"level to {tilt / DEG:.2g}°"

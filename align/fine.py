@@ -404,8 +404,7 @@ def _with_heading(x: Array, P: Array, C: Array, known: KnownHeading) -> tuple[Ar
     level = float(np.hypot(nose[0], nose[1]))
     if level < _LEVEL:
         raise AlignmentError(
-            "the nose points straight up or down, where a heading has no meaning: align without "
-            "one"
+            "the nose points straight up or down, where a heading has no meaning: align without one"
         )
     off = known.heading - np.arctan2(nose[1], nose[0])
     off -= 2.0 * np.pi * np.rint(off / (2.0 * np.pi))

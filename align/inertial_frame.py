@@ -254,8 +254,7 @@ def _variances(
     """
     level = omega * np.cos(lat)
     ba, bg, arw, vrw = (
-        (x or 0.0) ** 2
-        for x in (errors.accel_bias, errors.gyro_bias, errors.arw, errors.vrw)
+        (x or 0.0) ** 2 for x in (errors.accel_bias, errors.gyro_bias, errors.arw, errors.vrw)
     )
     ba, vrw, tan, none = ba / g**2, vrw / g**2, np.tan(lat), np.zeros_like(t)
     return (
@@ -401,8 +400,13 @@ class InertialFrame:
             self._marks,
         )
 
-    def solution(self) -> InertialSolution:
+    def solution(self, errors: SensorErrors | None = None) -> InertialSolution:
         """Attitude after the intervals so far; more may be added and solved again.
+
+        Parameters
+        ----------
+        errors : SensorErrors, optional
+            Instead of those given at the start.
 
         Raises
         ------
@@ -427,7 +431,7 @@ class InertialFrame:
                 "vertical, not 9.8: gravity has been removed from this stream or it is not in "
                 "m/s²; give the raw IMU in SI units"
             )
-        parts = _variances(t, self._errors, self._lat, g, self._omega)
+        parts = _variances(t, errors or self._errors, self._lat, g, self._omega)
         tilt, azimuth, north_down, east_down = (
             sum(getattr(part, name) for part in parts) for name in _Sigmas._fields[1:]
         )

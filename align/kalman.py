@@ -146,5 +146,10 @@ def consistency(t: ArrayLike, nis: ArrayLike, dof: int) -> Innovations:
     low, high = chi2.ppf([tail, 1.0 - tail], dof * nis.size) / nis.size
     mean = float(nis.mean())
     return Innovations(
-        t=t, nis=nis, dof=dof, low=float(low), high=float(high), consistent=bool(low <= mean <= high)
+        t=t,
+        nis=nis,
+        dof=dof,
+        low=float(low),
+        high=float(high),
+        consistent=bool(low <= mean <= high),
     )

@@ -16,6 +16,7 @@ from align.accuracy import (
     gyro_covariance,
     known_heading_budget,
     known_heading_covariance,
+    wahba_budget,
 )
 from align.checks import latitude_contradiction
 from align.errors import AlignmentError, WeakGyrosError
@@ -23,6 +24,7 @@ from align.gyrocompass import gyrocompass
 from align.leveling import level, leveled_attitude
 from align.result import Alignment, Contribution, Convergence
 from align.triad import triad
+from align.wahba import WahbaSolution, vectors_at_rest, wahba
 from align.window import SIGNIFICANT, Window, compass, conclude, examine, small_rotation
 from earth.ellipsoid import WGS84, Ellipsoid
 from earth.rotation import dcm_from_quat, euler_from_quat, quat_from_dcm, quat_from_euler
@@ -34,12 +36,14 @@ Attitude = Callable[[Array, Array], Array]  # of mean specific force and mean ra
 STATIC_METHODS = {
     "triad": "gravity and Earth rate as two vectors, gravity kept exactly",
     "gyrocompass": "roll and pitch by leveling, then heading by the leveled gyros",
+    "wahba": "gravity and Earth rate weighted by their sigmas",
     "known-heading": "roll and pitch by leveling, heading from the survey",
     "level": "roll and pitch alone",
 }
-BY_GYROS = ("triad", "gyrocompass")
+BY_GYROS = ("triad", "gyrocompass", "wahba")
 POLE = 1.0 * DEG  # nearer than this, gyros find no north
 _CURVE = 40  # points of the convergence
+_LEAST = 1e-9  # rad: sigma of the directions of perfect sensors
 _WANTED = 1.0 * DEG  # heading sigma a user with weak gyros is told the way to
 
 
@@ -155,7 +159,9 @@ def align_static(
     }
     if method in BY_GYROS:
         P_n = gyro_covariance(window.tilt, gyros.sigma, lat)
-        budget = gyro_budget(
+        if method == "wahba":
+            P_n = _weighted(window, window.f_ib_b, window.omega_ib_b).P_n
+        budget = (wahba_budget if method == "wahba" else gyro_budget)(
             window.rate_bias,
             window.rate_noise.sigma,
             window.force_bias,
@@ -165,7 +171,7 @@ def align_static(
             ellipsoid,
         )
         return conclude(
-            window, method, reason, q_nb, P_n, budget, warnings=tuple(warnings), **common
+            window.quality, method, reason, q_nb, P_n, budget, warnings=tuple(warnings), **common
         )
     known = method == "known-heading" and known_heading is not None
     given = known_heading.sigma if known and known_heading is not None else UNIFORM
@@ -175,7 +181,9 @@ def align_static(
     )
     if known:
         common["gyro_bias"], common["gyro_bias_sigma"] = _gyro_bias(window, q_nb, P_n)
-    found = conclude(window, method, reason, q_nb, P_n, budget, warnings=tuple(warnings), **common)
+    found = conclude(
+        window.quality, method, reason, q_nb, P_n, budget, warnings=tuple(warnings), **common
+    )
     if known:
         return found
     nobody = Contribution("unknown heading", 0.0, UNIFORM)
@@ -206,8 +214,19 @@ def _attitude(method: str, window: Window, known_heading: KnownHeading | None) -
             return quat_from_dcm(plumb_n @ dcm_from_quat(leveled))
 
         return leveled_gyros
+    if method == "wahba":
+        return lambda f, omega: _weighted(window, f, omega).q_nb
     heading = 0.0 if method == "level" or known_heading is None else known_heading.heading
     return lambda f, omega: leveled_attitude(f, heading, g_n=window.g_n)
+
+
+def _weighted(window: Window, f: Array, omega: Array) -> WahbaSolution:
+    """Wahba's solution of two means, weighted by the sigmas of the window."""
+    sigmas = (
+        max(window.force_sigma, _LEAST * window.g),
+        max(window.rate_sigma, _LEAST * window.ellipsoid.omega),
+    )
+    return wahba(*vectors_at_rest(f, omega, window.g_n, window.omega_ie_n, *sigmas))
 
 
 def _too_weak(window: Window, azimuth: float) -> str:

@@ -36,6 +36,15 @@ class Noise(NamedTuple):
     exceeds: bool
 
 
+class Quality(NamedTuple):
+    """What a report says of the data, whatever the method."""
+
+    shown: Residuals
+    stillness: Stillness
+    duration: float
+    warnings: tuple[str, ...]
+
+
 @dataclass(frozen=True, eq=False)
 class Window:
     """Means of a window and the errors they carry.
@@ -102,6 +111,11 @@ class Window:
     def azimuth(self) -> float:
         """1-sigma of the azimuth the gyros find, rad, unbounded."""
         return heading_sigma(self.rate_sigma, self.force_sigma, self.lat, self.g, self.ellipsoid)
+
+    @property
+    def quality(self) -> Quality:
+        """For the report."""
+        return Quality(self.shown, self.stillness, self.duration, self.warnings)
 
     def by_gyros(self, f_ib_b: Array, omega_ib_b: Array) -> Array:
         """Attitude of two means of this site, ``q_nb``."""
@@ -190,7 +204,7 @@ def examine(
 
 
 def conclude(
-    window: Window,
+    quality: Quality,
     method: str,
     reason: str,
     q_nb: Array,
@@ -204,11 +218,11 @@ def conclude(
 
     Parameters
     ----------
-    window : Window
+    quality : Quality
     method, reason, q_nb, P_n, budget
         Of `align.result.Alignment`.
     warnings : tuple of str
-        Beside the window's.
+        Beside those of `quality`.
     more
         Other attributes of `align.result.Alignment`.
     """
@@ -223,7 +237,7 @@ def conclude(
             "is wrong",
         )
     grade, verdict = judge(tilt, azimuth)
-    shown = window.shown
+    shown = quality.shown
     report: dict[str, Any] = {
         "method": method,
         "reason": reason,
@@ -245,10 +259,10 @@ def conclude(
         "rate_residual": shown.rate,
         "rate_residual_down": shown.down,
         "rate_residual_north": shown.north,
-        "force_scatter": window.stillness.force,
-        "rate_scatter": window.stillness.rate,
-        "duration": window.duration,
-        "warnings": (*window.warnings, *warnings),
+        "force_scatter": quality.stillness.force,
+        "rate_scatter": quality.stillness.rate,
+        "duration": quality.duration,
+        "warnings": (*quality.warnings, *warnings),
     }
     return Alignment(**(report | more))
 
