@@ -27,7 +27,7 @@ from earth.units import DEG, DEG_PER_H, DEG_PER_RTH, UG, UG_PER_RTHZ
 from navgrade import reconstruction as body
 from navgrade.errors import ConfigError
 from navgrade.gaps import Gap, without_gaps
-from navgrade.imu import ImuSamples, concatenate
+from navgrade.imu import ImuSamples
 from navgrade.logs import ImuLog
 from navgrade.reconstruction import reconstruct, to_increments
 from navgrade.site import Place, Site, Window, place_of_imu
@@ -238,9 +238,7 @@ def _part(log: ImuLog, site: Site, lat: float, progress: Progress | None) -> _Pa
             f"{last:.3f} s; change alignment.start_s and duration_s"
         )
     if reducer is None:
-        raise AlignmentError(
-            f"the alignment window from {start:g} s to {stop:g} s has no samples"
-        )
+        raise AlignmentError(f"the alignment window from {start:g} s to {stop:g} s has no samples")
     missing = window.duration - covered
     if site.window is not None and missing > max(3.0 * nominal, _LEFT_OUT * window.duration):
         raise AlignmentError(
@@ -271,7 +269,7 @@ def _best(part: _Part, site: Site, place: Place, leave_rest: bool) -> int | None
         if not leave_rest or stretch.stop < part.last - _EDGE or site.window is not None
     ]
     if candidates:
-        return min(candidates, key=lambda i: stretches[i].arw ** 2 / stretches[i].duration)
+        return min(candidates, key=lambda i: _rms(stretches[i].arw) ** 2 / stretches[i].duration)
     if site.window is not None:
         return None
     check_units(part.head, place.lat)
@@ -282,7 +280,7 @@ def _best(part: _Part, site: Site, place: Place, leave_rest: bool) -> int | None
             "alignment.start_s and duration_s, or give [initial]"
         )
     raise AlignmentError(
-        f"no stretch of the log is still for {_DETECTABLE:g} s; give [initial] instead of "
+        "no stretch of the log is still for 10 s; give [initial] instead of "
         "[alignment], or a log with a stop"
     )
 
@@ -340,9 +338,13 @@ def _measured(errors: SensorErrors, stretch: Stretch | None) -> SensorErrors:
         return errors
     return replace(
         errors,
-        arw=stretch.arw if errors.arw is None else errors.arw,
-        vrw=stretch.vrw if errors.vrw is None else errors.vrw,
+        arw=_rms(stretch.arw) if errors.arw is None else errors.arw,
+        vrw=_rms(stretch.vrw) if errors.vrw is None else errors.vrw,
     )
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(np.square(values))))
 
 
 def _increments(log: ImuLog, start: float, stop: float) -> Iterator[tuple[Array, Array, Array]]:
@@ -506,8 +508,8 @@ def alignment_report(aligned: AlignedWindow, *, curve: bool = False) -> dict[str
                 "motion": stretch.motion,
                 "force_scatter_m_s2": stretch.force_scatter,
                 "rate_scatter_deg_s": stretch.rate_scatter / DEG,
-                "arw_deg_rth": stretch.arw / DEG_PER_RTH,
-                "vrw_ug_rthz": stretch.vrw / UG_PER_RTHZ,
+                "arw_deg_rth": _rms(stretch.arw) / DEG_PER_RTH,
+                "vrw_ug_rthz": _rms(stretch.vrw) / UG_PER_RTHZ,
                 "used": i == aligned.chosen,
             }
             for i, stretch in enumerate(aligned.still.stretches)

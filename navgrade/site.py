@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -158,6 +159,8 @@ class Site:
     errors: SensorErrors = field(default_factory=SensorErrors)
     place: Place | None = None
     window: Window | None = None
+    method: str | None = None
+    false_alarm: float | None = None
     initial: Initial | None = None
     reconstruction: str | None = None
     frame: str | None = None
@@ -320,3 +323,8 @@ def _initial(table: Table) -> Initial:
             q_nb=quat_from_euler(*angles),
         ),
     )
+
+
+def place_of_imu(place: Place, q_nb: Any) -> Place:
+    """Interim."""
+    return place

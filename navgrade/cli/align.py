@@ -7,9 +7,10 @@ from pathlib import Path
 
 import click
 
+from navgrade.alignment import align_log, alignment_report
 from navgrade.cli.options import log_argument, source_options
 from navgrade.cli.show import show_alignment, show_source
-from navgrade.job import Choices, align_log, alignment_report, open_log
+from navgrade.job import Choices, open_log
 from navgrade.site import read_site
 
 

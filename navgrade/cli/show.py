@@ -6,10 +6,11 @@ import numpy as np
 
 from earth.rotation import euler_from_quat
 from earth.units import DEG, DEG_PER_H
+from navgrade.alignment import AlignedWindow
 from navgrade.cli.terminal import console, row, warn
 from navgrade.compare.result import Comparison
 from navgrade.compare.verdict import length_text, time_text
-from navgrade.job import AlignedWindow, RunSummary
+from navgrade.job import RunSummary
 from navgrade.logs import ImuLog
 
 
