@@ -40,6 +40,7 @@ if TYPE_CHECKING:
 
 Array = NDArray[np.float64]
 _MM = 1e-3  # m/s^2 in mm/s^2
+_HARD = "\N{NO-BREAK SPACE}"
 _AXES = ("x, forward", "y, right", "z, down")
 
 
@@ -92,7 +93,7 @@ def _page(aligned: AlignedWindow, log_name: str, site_name: str, lat: float) -> 
 <div class="verdict">
 <p>{unbroken(r.verdict)}</p>
 </div>
-<p class="lead">Method <b>{escape(r.method)}</b>: {unbroken(r.reason)}.</p>""",
+<p class="lead">Method <b>{escape(r.method)}</b>: {unbroken(r.reason.rstrip("."))}.</p>""",
         _listed("Warnings", r.warnings, "warnings"),
         "<noscript><p>The plots need JavaScript; the tables do not.</p></noscript>",
         _section(
@@ -289,7 +290,7 @@ def _nis(r: Alignment) -> tuple[str, str, str]:
     found = r.innovations
     assert found is not None
     says = "consistent" if found.consistent else "not consistent with the model"
-    bounds = f"95 % between {number(found.low)} and {number(found.high)}: {says}"
+    bounds = f"95{_HARD}% between {number(found.low)} and {number(found.high)}: {says}"
     return "mean NIS", number(float(np.nanmean(found.nis))), bounds
 
 
@@ -357,8 +358,7 @@ def _still(aligned: AlignedWindow, figures: dict[str, Figure]) -> str:
         )
     hint = "Distance of each short mean of rate and specific force from those of the part used."
     if still is not None:
-        rate = f"{number(100.0 * still.false_alarm)} %"
-        hint += f" The detector takes {unbroken(rate)} of what is still for motion."
+        hint += f" False alarm rate of the detector: {100.0 * still.false_alarm:.2g}&nbsp;%."
     return _section("Still stretches", hint, key, plot, table)
 
 
@@ -385,13 +385,13 @@ def _biases(r: Alignment) -> str:
 def _innovations(r: Alignment, figures: dict[str, Figure]) -> str:
     if "innovations" not in figures:
         return ""
-    name, mean, bounds = _nis(r)
+    _, mean, bounds = _nis(r)
     line = swatch(AZIMUTH, "solid", 2.0)
     return _section(
         "Innovations of the filter",
-        f"Where the filter's covariance is right, the mean lies in the shaded band. {name} {mean}; "
-        f"{bounds}.",
-        _key([("mean", line), ("95 % bounds of the mean", _block(SHADES["used"]))]),
+        "Where the filter's covariance is right, their mean lies in the shaded band: it is "
+        f"{mean}, {bounds}.",
+        _key([("mean", line), (f"95{_HARD}% bounds of the mean", _block(SHADES["used"]))]),
         _plot("innovations", figures, "Normalised innovations squared"),
     )
 

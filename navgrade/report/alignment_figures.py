@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from itertools import pairwise
+from textwrap import wrap
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,7 +12,7 @@ from numpy.typing import NDArray
 
 from earth.units import ARCSEC, DEG
 from navgrade.report.curves import Style, log_limits
-from navgrade.report.plots import ABOVE, MARGIN, Figure, as_text, guide_lines, log_axis, numbers
+from navgrade.report.plots import ABOVE, MARGIN, Figure, as_text, numbers
 from navgrade.report.plots import time_axis as log_time_axis
 from navgrade.report.words import readable_angle, readable_time
 
@@ -41,14 +42,15 @@ TRACE_COLOR = "#7d8590"
 _ANGLES = tuple(
     (size, readable_angle(size, 1))
     for size in (
-        *(ARCSEC * 10.0**power for power in range(-4, 2)),
+        *(ARCSEC * 10.0**power for power in range(-4, 1)),
         *(DEG * 10.0**power for power in range(-2, 3)),
     )
 )
 _DECADES = 4  # of bars, below the longest
+_WRAP = 14  # characters of a label beside a bar
 _POINTS = 1500  # of a trace
 _NAMED = 0.04  # of the log: shorter stretches have no room for their number
-_STEPS = (1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 14_400, 43_200, 86_400)
+_STEPS = (1, 2, 5, 10, 20, 30, 60, 120, 180, 300, 600, 1200, 1800, 3600, 7200, 14_400, 43_200)
 _TICKS = 6
 
 
@@ -65,8 +67,8 @@ def budget_figure(r: Alignment) -> Figure | None:
     top = float(shown.max())
     low = max(float(shown.min()), top * 10.0**-_DECADES) / 3.0
     data: list[Figure] = []
-    for column, (name, color) in enumerate((("azimuth", AZIMUTH), ("tilt", TILT))):
-        sizes = values[:, 1 - column]
+    for column, (name, color) in enumerate((("tilt", TILT), ("azimuth", AZIMUTH))):
+        sizes = values[:, column]
         texts = [readable_angle(x) for x in sizes]
         data.append(
             {
@@ -83,9 +85,9 @@ def budget_figure(r: Alignment) -> Figure | None:
                 "meta": name,
             }
         )
-    labels = [as_text(source[0]).replace(" ", "<br>", 1) for source in sources]
+    labels = ["<br>".join(map(as_text, wrap(source[0], _WRAP))) for source in sources]
     labels[-1] = f"<b>{labels[-1]}</b>"
-    axis: Figure = _angle_axis(low, top * 10.0 ** (0.3 * np.log10(top / low)))
+    axis = _angle_axis(low, top * (top / low) ** 0.3)  # room for the numbers beside the bars
     layout: Figure = {
         "margin": {"l": 12, "r": 20, "t": 12, "b": 48},
         "hovermode": "closest",
@@ -140,8 +142,7 @@ def convergence_figure(c: Convergence | None) -> Figure | None:
         "margin": MARGIN,
         "hovermode": "closest",
         "xaxis": log_time_axis(c.t[rows], "averaging time"),
-        "yaxis": log_axis("rad", low, high) | {"title": {"text": "small rotation"}},
-        **guide_lines(_ANGLES, low, high),
+        "yaxis": _angle_axis(low, high) | {"title": {"text": "small rotation"}},
     }
     return _figure(data, layout)
 
@@ -176,17 +177,17 @@ def timeline_figure(aligned: AlignedWindow) -> Figure | None:
         if stretch.stop - stretch.start > _NAMED * (last - first):
             middle = 0.5 * (stretch.start + stretch.stop)
             notes.append({"x": middle, "y": 1, "yref": "paper", "text": f"{number}"} | ABOVE)
-    step = next((s for s in _STEPS if (last - first) / s <= _TICKS), _STEPS[-1])
-    ticks = [step * k for k in range(int(first // step), int(last // step) + 1)]
+    step = next((s for s in _STEPS if last / s <= _TICKS), _STEPS[-1])
+    ticks = [step * k for k in range(int(last // step) + 1)]
     y: Figure = {"type": "log", "dtick": 1, "tickformat": "~r", "exponentformat": "none"}
     layout = {
         "margin": MARGIN | {"t": 28},
         "hovermode": "closest",
         "xaxis": {
             "title": {"text": "time since the first sample"},
-            "range": [min(first, aligned.start), last],
+            "range": [min(0.0, first), last],
             "tickvals": ticks,
-            "ticktext": [readable_time(t) or "0 s" for t in ticks],
+            "ticktext": [readable_time(t) for t in ticks],
             "anchor": "y2",
             "zeroline": False,
         },

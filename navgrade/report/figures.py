@@ -31,7 +31,6 @@ from navgrade.report.plots import (
     MARGIN,
     Figure,
     as_text,
-    guide_lines,
     log_axis,
     numbers,
     time_axis,
@@ -164,14 +163,20 @@ def _growth_view(comparison: Comparison, quantity: Quantity) -> Figure:
             | {"mode": "lines+markers", "line": line, "marker": marker}
         )
     low, high = log_limits(shown)
+    guides = [guide for guide in quantity.guides if low < guide[0] < high]
+    across = {"type": "line", "xref": "paper", "x0": 0, "x1": 1, "layer": "below"}
+    left = {"xref": "paper", "x": 0, "xanchor": "left"}
     return {
         "name": quantity.label,
         "data": data,
         "layout": {
             "xaxis": time_axis(t[rows]),
             "yaxis": log_axis(unit, low, high) | {"title": {"text": quantity.title}},
-        }
-        | guide_lines(quantity.guides, low, high),
+            "shapes": [across | {"y0": y, "y1": y} for y, _ in guides],
+            "annotations": [
+                {"y": math.log10(y), "text": text} | left | ABOVE for y, text in guides
+            ],
+        },
     }
 
 

@@ -24,17 +24,6 @@ MARGIN = {"l": 60, "r": 16, "t": 16, "b": 48}
 ABOVE = {"yanchor": "bottom", "showarrow": False}
 
 
-def guide_lines(guides: Sequence[tuple[float, str]], low: float, high: float) -> Figure:
-    """Shapes and annotations of the guides between two values of a logarithmic y axis."""
-    across = {"type": "line", "xref": "paper", "x0": 0, "x1": 1, "layer": "below"}
-    left = {"xref": "paper", "x": 0, "xanchor": "left"}
-    inside = [guide for guide in guides if low < guide[0] < high]
-    return {
-        "shapes": [across | {"y0": y, "y1": y} for y, _ in inside],
-        "annotations": [{"y": math.log10(y), "text": text} | left | ABOVE for y, text in inside],
-    }
-
-
 def time_axis(t: Array, title: str = "time since the start") -> Figure:
     """Logarithmic, over positive times in s."""
     return {

@@ -67,6 +67,7 @@ def alignment() -> Alignment:
     rng = np.random.default_rng(7)
     off = rng.standard_normal((40, 3)) * np.array([2e-6, 2e-6, 8e-4]) * np.sqrt(300.0 / t)[:, None]
     off[-1] = 0.0
+    nis = rng.chisquare(3, 599)
     sources = ("accelerometer bias", "accelerometer noise", "gyro bias", "gyro noise")
     tilts = (np.sqrt(TILT**2 - 0.31e-6**2), 0.31e-6, 0.0, 0.0)
     azimuths = (CROSS, 0.0, GYRO, NOISE)
@@ -114,7 +115,7 @@ def alignment() -> Alignment:
             "the accelerometer biases along the level axes, which tilt by 2.1″",
         ),
         innovations=Innovations(
-            np.arange(0.5, 300.0, 0.5), rng.chisquare(3, 599), 3, 2.8, 3.2, consistent=True
+            np.arange(0.5, 300.0, 0.5), nis * 3.05 / nis.mean(), 3, 2.8, 3.2, consistent=True
         ),
         eigenvalue_gap=0.412,
         warnings=(
