@@ -12,14 +12,12 @@ from typing import Any
 
 import numpy as np
 
-from align import AlignmentError, StaticAlignment, align_static
-from align.static import check_units_at_rest
 from earth import gravity as earth_gravity
 from earth.disturbance import DisturbanceGrid
 from earth.gravity import GRAVITY_MODELS
-from earth.units import DEG, DEG_PER_H
 from navgrade import mechanization as frames
 from navgrade import reconstruction as body
+from navgrade.alignment import AlignedWindow, align_log, alignment_report, check_units
 from navgrade.errors import ConfigError, GapError, LogError, StateTimeError
 from navgrade.gaps import Gap
 from navgrade.imu import ImuSamples, Status, concatenate
@@ -36,7 +34,7 @@ from navgrade.logs import (
     sha256,
 )
 from navgrade.navigation import FRAMES, check_choice, choose, solve
-from navgrade.site import BaroSettings, Initial, Place, Site, Window
+from navgrade.site import BaroSettings, Initial, Site
 from navgrade.state import NavState, Trajectory
 from navgrade.vertical import BaroLoop
 
@@ -59,25 +57,6 @@ class Choices:
     gravity: str | None = None
     bridge_gaps: bool = False
     strict: bool = False
-
-
-@dataclass(frozen=True, eq=False)
-class AlignedWindow:
-    """An alignment and the samples it came from.
-
-    Attributes
-    ----------
-    result : StaticAlignment
-    start, duration : float
-        s; start from the first sample.
-    state : NavState
-        At the end of the window.
-    """
-
-    result: StaticAlignment
-    start: float
-    duration: float
-    state: NavState
 
 
 @dataclass
@@ -137,125 +116,6 @@ def open_log(path: str | Path, site: Site, choices: Choices) -> ImuLog:
     )
 
 
-def _window_samples(log: ImuLog, window: Window, lat: float) -> ImuSamples:
-    """Samples whose intervals end inside the window; the log is not read beyond."""
-    pieces: list[ImuSamples] = []
-    end = window.start + window.duration
-    last = 0.0
-    for block in log.blocks():
-        first, stop = np.searchsorted(block.t, [window.start, end + 1e-9], side="right")
-        if stop > first:
-            pieces.append(block[int(first) : int(stop)])
-        last = float(block.t[-1])
-        if last > end:
-            break
-    if last < end - 1e-3:
-        _check_units(block, lat)
-        raise AlignmentError(
-            f"the alignment window runs from {window.start:g} s to {end:g} s, the log ends at "
-            f"{last:.3f} s; change alignment.start_s and duration_s"
-        )
-    if not pieces:
-        raise AlignmentError(
-            f"the alignment window from {window.start:g} s to {end:g} s has no samples"
-        )
-    return concatenate(pieces)
-
-
-def _check_units(samples: ImuSamples, lat: float) -> None:
-    omega, f = (samples.dt @ rates / samples.dt.sum() for rates in samples.mean_rates())
-    check_units_at_rest(omega, f, lat)
-
-
-def align_log(log: ImuLog, site: Site) -> AlignedWindow:
-    """Align on the site file's window.
-
-    Raises
-    ------
-    ConfigError
-        When the site file has no [site] or no [alignment].
-    AlignmentError
-        When the window gives no attitude.
-    """
-    try:
-        return _align(log, site)
-    except AlignmentError as error:
-        if not log.issues:
-            raise
-        raise AlignmentError(f"{error}; the file is damaged: {log.issues[0].text}") from None
-
-
-def _align(log: ImuLog, site: Site) -> AlignedWindow:
-    place, window = _place_and_window(site)
-    samples = _window_samples(log, window, place.lat)
-    missing = window.duration - float(samples.dt.sum())
-    nominal = float(np.median(samples.dt))
-    if missing > max(3.0 * nominal, 0.1 * window.duration):
-        raise AlignmentError(
-            f"{missing:.3f} s of the alignment window have no samples; choose another window"
-        )
-    result = align_static(
-        samples.dt,
-        *samples.mean_rates(),
-        place.lat,
-        place.h,
-        errors=site.errors,
-        known_heading=place.heading,
-    )
-    state = NavState(
-        lat=place.lat, lon=place.lon, h=place.h, q_nb=result.q_nb, t=float(samples.t[-1])
-    )
-    return AlignedWindow(result, window.start, window.duration, state)
-
-
-def _place_and_window(site: Site) -> tuple[Place, Window]:
-    if site.place is None:
-        raise ConfigError(
-            "alignment needs [site] (latitude, longitude, height_m)", file=site.file, key="site"
-        )
-    if site.window is None:
-        raise ConfigError(
-            "alignment needs [alignment] with duration_s, seconds at rest from start_s on",
-            file=site.file,
-            key="alignment.duration_s",
-        )
-    return site.place, site.window
-
-
-def alignment_report(aligned: AlignedWindow) -> dict[str, Any]:
-    """The alignment in degrees and plain types, as `navgrade align --json` prints it."""
-    r = aligned.result
-
-    def finite(value: float) -> float | None:
-        return float(value) if np.isfinite(value) else None
-
-    return {
-        "method": r.method,
-        "roll_deg": r.roll / DEG,
-        "pitch_deg": r.pitch / DEG,
-        "heading_deg": r.heading / DEG,
-        "roll_sigma_deg": r.roll_sigma / DEG,
-        "pitch_sigma_deg": r.pitch_sigma / DEG,
-        "heading_sigma_deg": r.heading_sigma / DEG,
-        "q_nb": [float(x) for x in r.q_nb],
-        "tilt_sigma_deg": r.tilt_sigma / DEG,
-        "azimuth_sigma_deg": r.azimuth_sigma / DEG,
-        "start_s": aligned.start,
-        "duration_s": aligned.duration,
-        "implied_latitude_deg": finite(r.implied_latitude / DEG),
-        "specific_force_residual_m_s2": r.specific_force_residual,
-        "rate_residual_deg_h": r.rate_residual / DEG_PER_H,
-        "rate_residual_down_deg_h": r.rate_residual_down / DEG_PER_H,
-        "rate_residual_north_deg_h": r.rate_residual_north / DEG_PER_H,
-        "gyro_heading_deg": finite(r.gyro_heading / DEG),
-        "gyro_heading_sigma_deg": r.gyro_heading_sigma / DEG,
-        "scatter_ned_deg": [finite(x / DEG) for x in r.scatter],
-        "stillness_force_m_s2": r.force_scatter,
-        "stillness_rate_deg_s": r.rate_scatter / DEG,
-        "warnings": list(r.warnings),
-    }
-
-
 def _initial_state(log: ImuLog, initial: Initial) -> NavState:
     """The known state on the log's clock, after a look at the units where it stands still."""
     state = initial.state
@@ -268,7 +128,7 @@ def _initial_state(log: ImuLog, initial: Initial) -> NavState:
                 break
         samples = concatenate(head)
         samples = samples[: max(int(np.searchsorted(samples.t, _CHECK_SPAN)), 2)]
-        _check_units(samples, state.lat)
+        check_units(samples, state.lat)
     return NavState(
         lat=state.lat, lon=state.lon, h=state.h, v_eb_n=state.v_eb_n, q_nb=state.q_nb, t=t
     )
@@ -284,7 +144,12 @@ def starting_state(log: ImuLog, site: Site) -> tuple[NavState, AlignedWindow | N
     """
     if site.initial is not None:
         return _initial_state(log, site.initial), None
-    aligned = align_log(log, site)
+    aligned = align_log(log, site, leave_rest=True)
+    if aligned.state is None:
+        raise ConfigError(
+            "navigation needs a heading, and method level finds none", file=site.file,
+            key="alignment.method",
+        )
     return aligned.state, aligned
 
 

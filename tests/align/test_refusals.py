@@ -7,7 +7,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from align import AlignmentError, KnownHeading, SensorErrors, align_static
-from align.static import check_units_at_rest
+from align.checks import check_units_at_rest
 from earth import NavgradeError
 from tests.align.at_rest import DEG, DEG_H, UG, Window, rotation, still
 from tests.oracles.constants import OMEGA
@@ -151,7 +151,7 @@ def test_no_false_alarm_for_a_mems_bias(
     window = window.noisy(rng, 0.3 * DEG / 60.0, 200.0 * UG)
     known = KnownHeading(2.0, 2.0 * DEG)
     result = align_static(*window.samples, known_heading=known)
-    assert result.method == "leveling+known-heading"
+    assert result.method == "known-heading"
     assert result.heading == pytest.approx(2.0, rel=0.0, abs=1e-12)  # rad, as given
     # White noise of 200 µg/sqrt(Hz) over a minute is 26 µrad; five of these.
     assert result.roll == pytest.approx(0.1, rel=0.0, abs=1.3e-4)
@@ -223,7 +223,7 @@ def test_stated_gyro_bias_too_large(lat_deg: float) -> None:
     assert align_static(*window.samples, errors=better).method == "triad"
     known = KnownHeading(2.0, 0.01)
     rescued = align_static(*window.samples, errors=weak, known_heading=known)
-    assert rescued.method == "leveling+known-heading"
+    assert rescued.method == "known-heading"
 
 
 @pytest.mark.parametrize("noise_deg_rth", [0.5, 1.0])
@@ -241,7 +241,7 @@ def test_at_a_pole_only_a_known_heading_helps(lat_deg: float) -> None:
     with pytest.raises(AlignmentError, match=TOO_WEAK):
         align_static(*window.samples, errors=NAVIGATION)
     result = align_static(*window.samples, errors=NAVIGATION, known_heading=KnownHeading(2.0, 0.01))
-    assert result.method == "leveling+known-heading"
+    assert result.method == "known-heading"
     assert (result.roll, result.pitch) == pytest.approx((0.3, -0.1), rel=0.0, abs=1e-12)
 
 

@@ -5,7 +5,7 @@ from dataclasses import FrozenInstanceError, replace
 import numpy as np
 import pytest
 
-from align import KnownHeading, SensorErrors, StaticAlignment, align_static
+from align import Alignment, KnownHeading, SensorErrors, align_static
 from earth import GRS80, WGS84
 from tests.align.at_rest import DEG, DEG_H, UG, Window, error_n, rotation, still
 from tests.oracles.constants import OMEGA
@@ -24,7 +24,7 @@ def gyro_sigma(lat_deg: float, errors: SensorErrors = NAVIGATION) -> float:
     return float(np.hypot(errors.gyro_bias / (OMEGA * np.cos(lat)), by_tilt))
 
 
-def found_in(result: StaticAlignment, *words: str) -> bool:
+def found_in(result: Alignment, *words: str) -> bool:
     return any(all(word in warning for word in words) for warning in result.warnings)
 
 
@@ -34,7 +34,7 @@ def test_the_smaller_sigma_chooses_where_north_comes_from(lat_deg: float) -> Non
     sigma = gyro_sigma(lat_deg)
     better = KnownHeading(EULER[2] + 0.5 * sigma, 0.99 * sigma)
     by_survey = align_static(*window.samples, errors=NAVIGATION, known_heading=better)
-    assert by_survey.method == "leveling+known-heading"
+    assert by_survey.method == "known-heading"
     assert by_survey.heading == pytest.approx(better.heading, rel=0.0, abs=ROUNDING)
     assert by_survey.heading_sigma == better.sigma
     worse = KnownHeading(EULER[2] + 0.5 * sigma, 1.01 * sigma)
@@ -187,7 +187,7 @@ def test_hanging_upside_down_is_mentioned(roll: float) -> None:
         assert found_in(result, f"roll {roll / DEG:.1f}°")
 
 
-def within(window: Window, gyro_n: tuple[float, float, float], accel_d: float) -> StaticAlignment:
+def within(window: Window, gyro_n: tuple[float, float, float], accel_d: float) -> Alignment:
     """Alignment of a window with gyro errors in deg/h and a down accelerometer error in µg."""
     felt = window.plus_n(gyro=DEG_H * np.array(gyro_n), accel=(0.0, 0.0, UG * accel_d))
     return align_static(*felt.samples, errors=NAVIGATION)
@@ -268,7 +268,7 @@ def test_gyros_that_contradict_a_better_heading_are_mentioned(off_deg: float) ->
     window = still(45.0, rotation(*EULER))
     given = KnownHeading(EULER[2] - off_deg * DEG, 0.001 * DEG)
     result = align_static(*window.samples, errors=NAVIGATION, known_heading=given)
-    assert result.method == "leveling+known-heading"
+    assert result.method == "known-heading"
     assert found_in(result, f"the gyros point {off_deg:+.2f}° from the given heading")
     assert found_in(result, "0.05° sigma")
     near = KnownHeading(EULER[2] - 0.15 * DEG, 0.001 * DEG)

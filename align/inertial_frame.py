@@ -1,0 +1,480 @@
+"""Alignment of a swaying base, in the inertial frame (Wu et al., optimization-based alignment).
+
+Gyros carry the specific force into the body axes of the start, b0, where sway no longer moves it.
+Its integral there, and that of the reaction to gravity in the north-east-down axes of the start,
+n0, which only the Earth turns,
+
+    alpha(t) = integral of C_b0b f,    beta(t) = -integral of C_n0n g,
+
+differ by a constant rotation, the velocity of the base and that of the start:
+``C_n0b0 alpha = beta + v(t) - v(0)``. Gravity draws a cone in inertial space; levelling is its
+chord, heading its curvature. The rotation minimises the integral of
+``t (T - t) |C alpha - beta + v(0)|^2``. Four choices make it exact and robust:
+
+- v(0) is eliminated: both are taken from their weighted means;
+- the weight vanishes at both ends, where a velocity that swings would turn the curvature most: a
+  swell of period p counts for about (p/T)^2, with constant weights and v(0) = 0 for all of it;
+- rates are fitted with the attitude: a drift about north would else tilt it, and lengths are free.
+  What the drift has turned since the middle of the window is taken back at its end;
+- Davenport's eigenvector squares the condition of the problem, 1/(Omega T). It starts a Newton
+  iteration on the same moments, whose vertical and horizontal parts are never mixed in a sum.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from align.accuracy import SensorErrors
+from align.errors import AlignmentError
+from align.result import Contribution, Convergence
+from earth._jit import formula, kernel
+from earth.ellipsoid import WGS84, Ellipsoid
+from earth.gravity import normal_gravity_n
+from earth.rates import omega_ie_n
+from earth.rotation import (
+    cross,
+    dcm_from_quat,
+    quat_from_dcm,
+    quat_from_rotvec,
+    quat_product,
+    quat_rotate,
+    rotation_factors,
+    rotvec_from_quat,
+    rotvec_to_quat_change,
+)
+from earth.units import DEG
+
+Array = NDArray[np.float64]
+
+SHORTEST = 10.0  # s
+MAX_LATITUDE = 89.0 * DEG
+_FIRST, _RATIO, _MARKS = 10.0, 1.1, 128  # s of the first mark, from one to the next, most: 16 days
+_NEWTON = 6  # steps; four reach rounding from any start Davenport gives
+_LEAST_FORCE = 0.5  # of gravity
+
+# What a block hands to the next: t and what its sum lost, alpha (3) likewise, q_b0b (4), the next
+# mark and the number of those made.
+_CARRY = 14
+# Moments, for each of the weights t dt and t^2 dt: 1; alpha; beta; alpha beta^T; beta beta^T;
+# |alpha|^2.
+_ONE, _ALPHA, _BETA, _CROSS, _GRAVITY, _SQUARE = 0, 1, 4, 7, 16, 25
+_MOMENTS = 26
+
+
+@formula
+def reaction_to_gravity(g, rate, t):
+    """Return beta: minus the integral over `t` of gravity in axes that stay as n began.
+
+    `g` and `rate` are gravity and Earth rate in n, constant there.
+    """
+    angle = (t * rate[0], t * rate[1], t * rate[2])
+    a, b = rotation_factors(angle[0] * angle[0] + angle[1] * angle[1] + angle[2] * angle[2])
+    once = cross(angle, (g[0], g[1], g[2]))
+    twice = cross(angle, once)
+    return (
+        -t * (g[0] + (a * once[0] + b * twice[0])),
+        -t * (g[1] + (a * once[1] + b * twice[1])),
+        -t * (g[2] + (a * once[2] + b * twice[2])),
+    )
+
+
+@formula
+def _plus(total, lost, term):
+    """Return the compensated sum and what it lost."""
+    y = term - lost
+    new = total + y
+    return new, (new - total) - y
+
+
+@kernel
+def _accumulate(g, rate, dts, phis, dvs, carry, sums, lost, row, marks):
+    """Add a block to the moments (2, 26); note time, attitude and moments at each mark."""
+    t, lost_t = carry[0], carry[1]
+    x, y, z = carry[2], carry[3], carry[4]
+    lost_x, lost_y, lost_z = carry[5], carry[6], carry[7]
+    q = (carry[8], carry[9], carry[10], carry[11])
+    next_mark, made = carry[12], int(carry[13])
+    for k in range(dts.shape[0]):
+        dt = dts[k]
+        dv = quat_rotate(q, (dvs[k, 0], dvs[k, 1], dvs[k, 2]))
+        x, lost_x = _plus(x, lost_x, dv[0])
+        y, lost_y = _plus(y, lost_y, dv[1])
+        z, lost_z = _plus(z, lost_z, dv[2])
+        turn = rotvec_to_quat_change((phis[k, 0], phis[k, 1], phis[k, 2]))
+        excess = 0.5 - 0.5 * (q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
+        change = quat_product(q, (turn[0] + excess, turn[1], turn[2], turn[3]))
+        q = (q[0] + change[0], q[1] + change[1], q[2] + change[2], q[3] + change[3])
+        t, lost_t = _plus(t, lost_t, dt)
+
+        alpha = (x, y, z)
+        beta = reaction_to_gravity(g, rate, t)
+        row[_ONE] = 1.0
+        for i in range(3):
+            row[_ALPHA + i] = alpha[i]
+            row[_BETA + i] = beta[i]
+            for j in range(3):
+                row[_CROSS + 3 * i + j] = alpha[i] * beta[j]
+                row[_GRAVITY + 3 * i + j] = beta[i] * beta[j]
+        row[_SQUARE] = x * x + y * y + z * z
+        weight = dt
+        for j in range(2):
+            weight *= t
+            for i in range(_MOMENTS):
+                sums[j, i], lost[j, i] = _plus(sums[j, i], lost[j, i], weight * row[i])
+
+        if t >= next_mark and made < marks.shape[0]:
+            marks[made, 0] = t
+            for i in range(4):
+                marks[made, 1 + i] = q[i]
+            for j in range(2):
+                for i in range(_MOMENTS):
+                    marks[made, 5 + _MOMENTS * j + i] = sums[j, i]
+            made += 1
+            while next_mark <= t:
+                next_mark *= _RATIO
+    carry[0], carry[1] = t, lost_t
+    carry[2], carry[3], carry[4] = x, y, z
+    carry[5], carry[6], carry[7] = lost_x, lost_y, lost_z
+    carry[8], carry[9], carry[10], carry[11] = q
+    carry[12], carry[13] = next_mark, made
+
+
+class _Fit(NamedTuple):
+    """Of windows from the start to `t`, shape (k,)."""
+
+    t: Array
+    C_mb0: Array  # (k, 3, 3), m: n in the middle of the window
+    north: Array  # measured Earth rate along north, relative excess
+    force: Array  # measured gravity, relative excess
+    gap: Array
+    velocity: Array  # m/s, rms
+
+
+def _turns(phi: Array) -> Array:
+    return dcm_from_quat(quat_from_rotvec(phi))
+
+
+def _davenport(B: Array) -> tuple[Array, Array]:
+    """Return the rotations that maximise tr(C B^T), and the eigenvalues, ascending."""
+    K = np.empty((*B.shape[:-2], 4, 4))
+    trace = np.trace(B, axis1=-2, axis2=-1)
+    # tr(C B^T) = q^T K q for v_n = C v_b and B = sum of v_n v_b^T
+    z = np.stack(
+        [B[..., 2, 1] - B[..., 1, 2], B[..., 0, 2] - B[..., 2, 0], B[..., 1, 0] - B[..., 0, 1]], -1
+    )
+    K[..., 0, 0] = trace
+    K[..., 0, 1:] = K[..., 1:, 0] = z
+    K[..., 1:, 1:] = B + np.swapaxes(B, -1, -2) - trace[..., None, None] * np.eye(3)
+    values, vectors = np.linalg.eigh(K)
+    return dcm_from_quat(vectors[..., :, 3]), values
+
+
+def _fit(t: Array, sums: Array, rate: Array) -> _Fit:
+    """Solve windows, shape (k,), from their moments, shape (k, 2, 26)."""
+    m = t[:, None] * sums[:, 0] - sums[:, 1]
+    one = m[:, _ONE]
+    a, b = m[:, _ALPHA:_BETA], m[:, _BETA:_CROSS]
+    to_middle = _turns(-0.5 * t[:, None] * rate)
+    back = np.swapaxes(to_middle, 1, 2)
+    per_one = 1.0 / one[:, None, None]
+    # sums of alpha beta^T and beta beta^T about the means, beta in m
+    S = (m[:, _CROSS:_GRAVITY].reshape(-1, 3, 3) - per_one * a[:, :, None] * b[:, None, :]) @ back
+    M = m[:, _GRAVITY:_SQUARE].reshape(-1, 3, 3) - per_one * b[:, :, None] * b[:, None, :]
+    M = to_middle @ M @ back
+    square = m[:, _SQUARE] - np.sum(a * a, axis=1) / one
+    C, values = _davenport(np.swapaxes(S, 1, 2))
+    for _ in range(_NEWTON):
+        P = C @ S
+        north, force = _lengths(P, M)
+        # each element of P has the digits of its own size: differences of large ones are avoided
+        off = np.stack(
+            [
+                P[:, 2, 1] - P[:, 1, 2] + north * M[:, 1, 2],
+                P[:, 0, 2] - P[:, 2, 0],
+                P[:, 1, 0] - P[:, 0, 1] - north * M[:, 1, 0],
+            ],
+            axis=-1,
+        )
+        J = -P
+        for i in range(3):
+            J[:, i, i] = P[:, i - 1, i - 1] + P[:, i - 2, i - 2]
+        C = _turns(-np.linalg.solve(J, off[:, :, None])[:, :, 0]) @ C
+    P = C @ S
+    north, force = _lengths(P, M)
+    stretch, trace = 1.0 + force, np.trace(M, axis1=1, axis2=2)
+    rest = square + stretch * (stretch * trace - 2.0 * np.trace(P, axis1=1, axis2=2))
+    rest += north * ((2.0 * stretch + north) * M[:, 1, 1] - 2.0 * P[:, 1, 1])
+    largest = square + trace - 2.0 * values[:, 0]
+    return _Fit(
+        t=t,
+        C_mb0=C,
+        north=north / stretch,
+        force=force,
+        gap=2.0 * (values[:, 3] - values[:, 2]) / largest,
+        velocity=np.sqrt(np.maximum(rest, 0.0) / one),
+    )
+
+
+def _lengths(P: Array, M: Array) -> tuple[Array, Array]:
+    """Return by how much the curvature (beyond the chord) and the chord are too long, relative."""
+    force = (P[:, 0, 0] + P[:, 2, 2]) / (M[:, 0, 0] + M[:, 2, 2]) - 1.0
+    return P[:, 1, 1] / M[:, 1, 1] - 1.0 - force, force
+
+
+def _attitude(fit: _Fit, k: int, t: float, q_b0b: Array, rate: Array) -> Array:
+    """Return C_nb at `t`, the drift about north since the middle of the window taken back."""
+    since = t - 0.5 * fit.t[k]
+    drift = np.array([fit.north[k] * rate[0] * since, 0.0, 0.0])
+    C: Array = _turns(-drift) @ _turns(-since * rate) @ fit.C_mb0[k] @ dcm_from_quat(q_b0b)
+    return C
+
+
+class _Sigmas(NamedTuple):
+    """Variances of one kind of error, rad^2: of each tilt, of azimuth, and how they go together."""
+
+    source: str
+    tilt: Array
+    azimuth: Array
+    north_down: Array
+    east_down: Array
+
+
+def _variances(
+    t: Array, errors: SensorErrors, lat: float, g: float, omega: float
+) -> tuple[_Sigmas, ...]:
+    """Closed forms for windows of `t` seconds; what is not stated counts as zero.
+
+    With v = s/T, q = v (1 - v): a rate of tilt is found from tilts with the weights
+    k = -140 d(q^3)/dv, hence from gyro noise at v with 140 q^3; the tilt at the end with
+    30 q^2 + k/2. The factors are integrals of squares and products of these.
+    """
+    level = omega * np.cos(lat)
+    ba, bg, arw, vrw = (
+        (x or 0.0) ** 2 for x in (errors.accel_bias, errors.gyro_bias, errors.arw, errors.vrw)
+    )
+    ba, vrw, tan, none = ba / g**2, vrw / g**2, np.tan(lat), np.zeros_like(t)
+    return (
+        _Sigmas("accelerometer bias", none + ba, none + tan**2 * ba, none - tan * ba, none),
+        _Sigmas(
+            "accelerometer noise",
+            600.0 / 77.0 * vrw / t,
+            280.0 / 11.0 * vrw / (t**3 * level**2),
+            none,
+            140.0 / 11.0 * vrw / (t**2 * level),
+        ),
+        _Sigmas("gyro bias", none, none + bg / level**2, none, none),
+        _Sigmas(
+            "gyro noise",
+            300.0 / 1001.0 * arw * t,
+            700.0 / 429.0 * arw / (t * level**2),
+            none,
+            271.0 / 858.0 * arw / level + none,
+        ),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class InertialSolution:
+    """Attitude of a base that sways, at the end of the window.
+
+    Attributes
+    ----------
+    q_nb : ndarray, shape (4,)
+    P_n : ndarray, shape (3, 3)
+        Covariance of the small rotation of ``C_hat C^T`` about north, east, down, rad^2.
+    budget : tuple of Contribution
+    convergence : Convergence
+        From 10 s on, each time a tenth later; each attitude beside that of the whole window at
+        the same instant.
+    gap : float
+        Of Davenport's matrix, smallest eigenvalue to next over largest.
+    velocity_rms : float
+        m/s, weighted rms of the velocity of the base about its mean, a part that grows as t or
+        t^2 taken off: decimetres per second at a berth, metres per second when the base leaves
+        its place. A velocity that stays the same all along does not show.
+    specific_force_residual : float
+        Mean specific force minus gravity, m/s^2.
+    rate_residual_north : float
+        Measured minus expected Earth rate along north, rad/s.
+    duration : float
+        s.
+    """
+
+    q_nb: Array
+    P_n: Array
+    budget: tuple[Contribution, ...]
+    convergence: Convergence
+    gap: float
+    velocity_rms: float
+    specific_force_residual: float
+    rate_residual_north: float
+    duration: float
+
+
+class InertialFrame:
+    """Streaming alignment of a base that sways about a fixed place.
+
+    Memory does not grow with the window, and the solution does not depend, bit for bit, on where
+    blocks end.
+
+    Parameters
+    ----------
+    lat, h : float
+        Geodetic latitude, rad, and height above the ellipsoid, m.
+    errors : SensorErrors, optional
+        Stated 1-sigma errors. An amount not stated counts as zero in the covariance: beside the
+        velocity of the base the data do not show sensor noise, so state measured densities.
+    ellipsoid : Ellipsoid
+
+    Raises
+    ------
+    AlignmentError
+        Within 1° of a pole.
+
+    Notes
+    -----
+    Exact increments, still or swaying about the IMU, give the attitude within 1e-9 rad from 60 s
+    on up to latitude ±80° (`tests/align/test_inertial_frame.py`).
+
+    Sigmas, T the window and W the level Earth rate: heading ``sqrt(700/429 ARW^2/T + 280/11
+    VRW^2/(g^2 T^3))/W`` and bias ``(-b_gE + W tan(lat) b_aE/g)/W`` as for TRIAD; tilt at the end
+    ``sqrt(300/1001 ARW^2 T + 600/77 VRW^2/(g^2 T))`` and ``b_a/g``. They are first-order in
+    Omega T and hold while the base turns about a mean heading. What its own velocity adds is not
+    in them.
+    """
+
+    def __init__(
+        self,
+        lat: float,
+        h: float,
+        *,
+        errors: SensorErrors | None = None,
+        ellipsoid: Ellipsoid = WGS84,
+    ) -> None:
+        if not abs(lat) <= MAX_LATITUDE:
+            raise AlignmentError(
+                f"latitude {lat / DEG:.4f}° is within 1° of a pole, where gyros find no north; "
+                "give a heading from survey"
+            )
+        self._lat, self._errors = float(lat), errors or SensorErrors()
+        self._g, self._rate = normal_gravity_n(lat, h, ellipsoid), omega_ie_n(lat, ellipsoid)
+        self._omega = ellipsoid.omega
+        self._carry = np.zeros(_CARRY)
+        self._carry[8], self._carry[12] = 1.0, _FIRST
+        self._sums, self._lost = np.zeros((2, 2, _MOMENTS))
+        self._row = np.empty(_MOMENTS)
+        self._marks = np.empty((_MARKS, 5 + 2 * _MOMENTS))
+
+    def add(self, dt: ArrayLike, phi: ArrayLike, dv: ArrayLike) -> None:
+        """Take the next intervals in.
+
+        Parameters
+        ----------
+        dt : array_like, shape (n,)
+            s.
+        phi : array_like, shape (n, 3)
+            Rotation vector from b at the start to b at the end of the interval, rad.
+        dv : array_like, shape (n, 3)
+            Integral of the specific force, resolved in b at the start of the interval, m/s.
+        """
+        dt, phi, dv = (np.ascontiguousarray(x, np.float64) for x in (dt, phi, dv))
+        if dt.ndim != 1 or phi.shape != (len(dt), 3) or dv.shape != (len(dt), 3):
+            raise ValueError(
+                f"dt, phi and dv must have shapes (n,), (n, 3), (n, 3), got {dt.shape}, "
+                f"{phi.shape}, {dv.shape}"
+            )
+        _accumulate(
+            self._g,
+            self._rate,
+            dt,
+            phi,
+            dv,
+            self._carry,
+            self._sums,
+            self._lost,
+            self._row,
+            self._marks,
+        )
+
+    def solution(self, errors: SensorErrors | None = None) -> InertialSolution:
+        """Attitude after the intervals so far; more may be added and solved again.
+
+        Parameters
+        ----------
+        errors : SensorErrors, optional
+            Instead of those given at the start.
+
+        Raises
+        ------
+        AlignmentError
+            After less than 10 s, and where the specific force does not hold gravity.
+        """
+        end = float(self._carry[0])
+        if not end >= SHORTEST:
+            raise AlignmentError(
+                f"{end:.1f} s of data are too few to see gravity turn with the Earth; give "
+                f"{SHORTEST:.0f} s at least, minutes for a useful heading"
+            )
+        marks = self._marks[: int(self._carry[13])]
+        t = np.append(marks[:, 0], end)
+        q_b0b = np.vstack([marks[:, 1:5], self._carry[8:12]])
+        sums = np.concatenate([marks[:, 5:].reshape(-1, 2, _MOMENTS), self._sums[None]])
+        fit = _fit(t, sums, self._rate)
+        g = float(np.linalg.norm(self._g))
+        if not fit.force[-1] > _LEAST_FORCE - 1.0:
+            raise AlignmentError(
+                f"the specific force averages {g * (1.0 + fit.force[-1]):.3f} m/s² along the "
+                "vertical, not 9.8: gravity has been removed from this stream or it is not in "
+                "m/s²; give the raw IMU in SI units"
+            )
+        parts = _variances(t, errors or self._errors, self._lat, g, self._omega)
+        tilt, azimuth, north_down, east_down = (
+            sum(getattr(part, name) for part in parts) for name in _Sigmas._fields[1:]
+        )
+        C_nb = _attitude(fit, -1, end, q_b0b[-1], self._rate)
+        off = [
+            _attitude(fit, k, t[k], q, self._rate) @ _attitude(fit, -1, t[k], q, self._rate).T
+            for k, q in enumerate(q_b0b)
+        ]
+        return InertialSolution(
+            q_nb=quat_from_dcm(C_nb),
+            P_n=np.array(
+                [
+                    [tilt[-1], 0.0, north_down[-1]],
+                    [0.0, tilt[-1], east_down[-1]],
+                    [north_down[-1], east_down[-1], azimuth[-1]],
+                ]
+            ),
+            budget=tuple(
+                Contribution(x.source, float(np.sqrt(x.tilt[-1])), float(np.sqrt(x.azimuth[-1])))
+                for x in parts
+            ),
+            convergence=Convergence(
+                t, rotvec_from_quat(quat_from_dcm(np.array(off))), np.sqrt(tilt), np.sqrt(azimuth)
+            ),
+            gap=float(fit.gap[-1]),
+            velocity_rms=float(fit.velocity[-1]),
+            specific_force_residual=g * float(fit.force[-1]),
+            rate_residual_north=float(self._rate[0] * fit.north[-1]),
+            duration=end,
+        )
+
+
+def inertial_frame(
+    dt: ArrayLike,
+    phi: ArrayLike,
+    dv: ArrayLike,
+    lat: float,
+    h: float,
+    *,
+    errors: SensorErrors | None = None,
+    ellipsoid: Ellipsoid = WGS84,
+) -> InertialSolution:
+    """Align a window held in memory; parameters and errors are those of `InertialFrame`."""
+    frame = InertialFrame(lat, h, errors=errors, ellipsoid=ellipsoid)
+    frame.add(dt, phi, dv)
+    return frame.solution()

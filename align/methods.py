@@ -1,0 +1,327 @@
+"""Every method by its name, and the two that work on more than means."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import chi2
+
+from align.accuracy import MAX_HEADING_SIGMA, SensorErrors, gyro_budget, left_over
+from align.checks import Residuals, residuals
+from align.errors import AlignmentError, WeakGyrosError
+from align.fine import fine_align
+from align.inertial_frame import InertialFrame
+from align.multi_position import Position, align_positions
+from align.result import Alignment, Contribution
+from align.static import BY_GYROS, STATIC_METHODS, KnownHeading, align_static
+from align.stillness import Stillness
+from align.window import SIGNIFICANT, Quality, compass, conclude, examine
+from earth.ellipsoid import WGS84, Ellipsoid
+from earth.rates import omega_ie_n
+from earth.rotation import euler_from_quat
+from earth.units import DEG, DEG_PER_H
+
+Array = NDArray[np.float64]
+
+METHODS = {
+    "auto": "the one for the motion found and the heading given",
+    **STATIC_METHODS,
+    "inertial": "gravity's turn in inertial space, for a base that sways",
+    "fine": "a zero-velocity Kalman filter from the coarse attitude, with the biases that show",
+    "multi-position": "attitude and biases together, from two or more still orientations",
+}
+_LEAST_BIAS = 1e-9  # of what is sensed: of perfect sensors
+_FALSE_ALARM = 1e-3
+_DRIVES = 2.0  # m/s rms: no berth moves a ship so fast, nor wind a parked car
+
+
+def align_fine(
+    dt: Array,
+    omega_ib_b: Array,
+    f_ib_b: Array,
+    lat: float,
+    h: float,
+    *,
+    errors: SensorErrors | None = None,
+    known_heading: KnownHeading | None = None,
+    still: NDArray[np.bool_] | None = None,
+    t: Array | None = None,
+    lon: float | None = None,
+    ellipsoid: Ellipsoid = WGS84,
+) -> Alignment:
+    """Align by the static methods, then by the filter of `align.fine`.
+
+    Parameters are those of `align_static` and `align.fine.fine_align`.
+
+    Raises
+    ------
+    AlignmentError
+        As either.
+    """
+    kept = np.ones(len(dt), bool) if still is None else still
+    coarse = align_static(
+        dt[kept],
+        omega_ib_b[kept],
+        f_ib_b[kept],
+        lat,
+        h,
+        errors=errors,
+        known_heading=known_heading,
+        lon=lon,
+        ellipsoid=ellipsoid,
+    )
+    window = examine(
+        dt[kept], omega_ib_b[kept], f_ib_b[kept], lat, h, errors or SensorErrors(), ellipsoid
+    )
+    used = known_heading if coarse.method not in BY_GYROS else None
+    grown = np.sqrt(window.duration)
+    assumed = SensorErrors(
+        gyro_bias=max(window.rate_bias, _LEAST_BIAS * ellipsoid.omega),
+        accel_bias=max(window.force_bias, _LEAST_BIAS * window.g),
+        arw=window.rate_noise.sigma * grown or None,
+        vrw=window.force_noise.sigma * grown or None,
+    )
+    found = fine_align(
+        dt,
+        omega_ib_b,
+        f_ib_b,
+        coarse.q_nb,
+        lat,
+        h,
+        errors=assumed,
+        still=kept,
+        t=t,
+        heading=used,
+        ellipsoid=ellipsoid,
+    )
+    budget = left_over(found.P_n, coarse.budget)
+    warnings = tuple(x for x in coarse.warnings if x not in window.warnings)
+    return conclude(
+        window.quality,
+        "fine",
+        "as chosen",
+        found.q_nb,
+        found.P_n,
+        budget,
+        warnings=warnings,
+        gyro_heading=coarse.gyro_heading,
+        gyro_heading_sigma=coarse.gyro_heading_sigma,
+        scatter=coarse.scatter,
+        convergence=found.convergence,
+        gyro_bias=found.gyro_bias,
+        gyro_bias_sigma=found.gyro_bias_sigma,
+        accel_bias=found.accel_bias,
+        accel_bias_sigma=found.accel_bias_sigma,
+        unobservable=found.unobservable,
+        innovations=found.innovations,
+    )
+
+
+def align_swaying(
+    increments: Iterable[tuple[Array, Array, Array]],
+    lat: float,
+    h: float,
+    *,
+    errors: SensorErrors | None = None,
+    stillness: Stillness | None = None,
+    reason: str = "as chosen",
+    ellipsoid: Ellipsoid = WGS84,
+) -> Alignment:
+    """Align a base that sways about a fixed place.
+
+    Parameters
+    ----------
+    increments : iterable of (dt, phi, dv)
+        Blocks of consecutive intervals: their length, s, shape (n,); the rotation vector of each,
+        rad, and the velocity increment in body axes at its start, m/s, shape (n, 3), as
+        `navgrade.reconstruction.reconstruct` gives them.
+    lat, h : float
+        Geodetic latitude (rad) and ellipsoidal height (m) from the survey.
+    errors : SensorErrors, optional
+        Stated 1-sigma. A bias not stated is taken from the residuals; noise not stated counts as
+        zero, so state what the data show.
+    stillness : Stillness, optional
+        For the report.
+    reason : str
+        Why this method.
+    ellipsoid : Ellipsoid
+
+    Returns
+    -------
+    Alignment
+        At the end of the last interval.
+
+    Raises
+    ------
+    AlignmentError
+        As `align.inertial_frame.InertialFrame`, and when the base leaves its place.
+    WeakGyrosError
+        When the gyros are too weak to find north.
+    """
+    stated = errors or SensorErrors()
+    frame = InertialFrame(lat, h, ellipsoid=ellipsoid)
+    for dt, phi, dv in increments:
+        frame.add(dt, phi, dv)
+    first = frame.solution(stated)
+    if first.velocity_rms > _DRIVES:
+        raise AlignmentError(
+            f"the base is not still: its velocity varies by {first.velocity_rms:.1f} m/s rms over "
+            "the window, so it leaves its place; choose alignment.start_s and duration_s inside a "
+            "stop"
+        )
+    omega_n = omega_ie_n(lat, ellipsoid)
+    north, force = first.rate_residual_north, first.specific_force_residual
+    assumed, warnings = _proven(stated, first.budget, north, force, omega_n[0])
+    found = frame.solution(assumed)
+    azimuth = float(np.sqrt(found.P_n[2, 2]))
+    if azimuth > MAX_HEADING_SIGMA:
+        raise WeakGyrosError(
+            f"the gyros cannot find north on a base that sways: heading would have a sigma of "
+            f"{min(azimuth / DEG, 180.0):.0f}°; state better gyros if they are, wait longer, or "
+            "give [initial]"
+        )
+    implied = np.arccos(np.clip((omega_n[0] + north) / ellipsoid.omega, -1.0, 1.0))
+    nan = float("nan")
+    shown = Residuals(force, nan, nan, north, float(np.copysign(implied, lat)))
+    quality = Quality(shown, stillness or Stillness(nan, nan), found.duration, tuple(warnings))
+    return conclude(
+        quality,
+        "inertial",
+        reason,
+        found.q_nb,
+        found.P_n,
+        found.budget,
+        convergence=found.convergence,
+        gyro_heading=compass(float(euler_from_quat(found.q_nb)[2])),
+        gyro_heading_sigma=azimuth,
+        scatter=np.full(3, nan),
+        eigenvalue_gap=found.gap,
+    )
+
+
+def _proven(
+    stated: SensorErrors,
+    budget: tuple[Contribution, ...],
+    north: float,
+    force: float,
+    level_rate: float,
+) -> tuple[SensorErrors, list[str]]:
+    """Take biases from residuals where none is stated, or where they prove more than is stated."""
+    noise = {line.source: line for line in budget}
+    by_noise = noise["gyro noise"].azimuth * level_rate
+    warnings = []
+    gyro, accel = stated.gyro_bias, stated.accel_bias
+    if gyro is None:
+        gyro = abs(north)
+    elif abs(north) > SIGNIFICANT * np.hypot(gyro, by_noise):
+        gyro = abs(north)
+        warnings.append(
+            f"the gyros miss the Earth rate by {north / DEG_PER_H:+.3f} deg/h along north, more "
+            "than the stated errors allow, so the sigmas were enlarged"
+        )
+    if accel is None:
+        accel = abs(force)
+    elif abs(force) > SIGNIFICANT * accel and accel > 0.0:
+        accel = abs(force)
+        warnings.append(
+            f"|f| differs from normal gravity by {force * 1e3:+.3f} mm/s², more than the stated "
+            "errors allow, so the sigmas were enlarged"
+        )
+    return replace(stated, gyro_bias=gyro, accel_bias=accel), warnings
+
+
+def align_together(
+    means: Sequence[tuple[Array, Array, Array]],
+    lat: float,
+    h: float,
+    *,
+    errors: SensorErrors | None = None,
+    ellipsoid: Ellipsoid = WGS84,
+) -> list[Alignment]:
+    """Align several still orientations of one IMU, with the biases they share.
+
+    Parameters
+    ----------
+    means : sequence of (dt, omega_ib_b, f_ib_b)
+        One orientation each, as `align_static` takes them.
+    lat, h : float
+        Geodetic latitude (rad) and ellipsoidal height (m) from the survey.
+    errors : SensorErrors, optional
+        See `align.multi_position.align_positions`.
+    ellipsoid : Ellipsoid
+
+    Returns
+    -------
+    list of Alignment
+        One for each; their residuals are those that the biases leave.
+
+    Raises
+    ------
+    AlignmentError
+        As `align_static` and `align.multi_position.align_positions`.
+    """
+    errors = errors or SensorErrors()
+    windows = [examine(*rows, lat, h, errors, ellipsoid) for rows in means]
+    found = align_positions(
+        [
+            Position(
+                window.omega_ib_b,
+                window.f_ib_b,
+                window.duration,
+                arw=window.rate_noise.sigma * np.sqrt(window.duration),
+                vrw=window.force_noise.sigma * np.sqrt(window.duration),
+            )
+            for window in windows
+        ],
+        lat,
+        h,
+        errors=errors,
+        ellipsoid=ellipsoid,
+    )
+    warnings: tuple[str, ...] = ()
+    if found.chi2 > chi2.isf(_FALSE_ALARM, found.dof):
+        warnings = (
+            f"the positions fit each other worse than the stated errors allow (chi-square "
+            f"{found.chi2:.1f} with {found.dof} degrees of freedom): the biases changed between "
+            "them, or more is wrong",
+        )
+    results = []
+    for k, window in enumerate(windows):
+        shown = residuals(
+            window.omega_ib_b - found.gyro_bias,
+            window.f_ib_b - found.accel_bias,
+            lat,
+            window.g_n,
+            ellipsoid,
+        )
+        alone = gyro_budget(
+            window.rate_bias,
+            window.rate_noise.sigma,
+            window.force_bias,
+            window.force_noise.sigma,
+            lat,
+            window.g,
+            ellipsoid,
+        )
+        results.append(
+            conclude(
+                Quality(shown, window.stillness, window.duration, warnings),
+                "multi-position",
+                f"position {k + 1} of {len(windows)}, biases in common",
+                found.q_nb[k],
+                found.P_n[k],
+                left_over(found.P_n[k], alone),
+                gyro_heading=compass(float(euler_from_quat(found.q_nb[k])[2])),
+                gyro_heading_sigma=float(np.sqrt(found.P_n[k, 2, 2])),
+                scatter=np.full(3, np.nan),
+                gyro_bias=found.gyro_bias,
+                gyro_bias_sigma=found.gyro_bias_sigma,
+                accel_bias=found.accel_bias,
+                accel_bias_sigma=found.accel_bias_sigma,
+                unobservable=found.unobservable,
+            )
+        )
+    return results
