@@ -349,8 +349,8 @@ def _still(aligned: AlignedWindow, figures: dict[str, Figure]) -> str:
                     s.motion,
                     number(s.force_scatter / _MM),
                     number(s.rate_scatter / DEG_PER_S),
-                    number(s.arw / DEG_PER_RTH),
-                    number(s.vrw / UG_PER_RTHZ),
+                    number(_rms(s.arw) / DEG_PER_RTH),
+                    number(_rms(s.vrw) / UG_PER_RTHZ),
                 )
                 for i, s in enumerate(stretches)
             ],
@@ -358,8 +358,15 @@ def _still(aligned: AlignedWindow, figures: dict[str, Figure]) -> str:
         )
     hint = "Distance of each short mean of rate and specific force from those of the part used."
     if still is not None:
-        hint += f" False alarm rate of the detector: {100.0 * still.false_alarm:.2g}&nbsp;%."
+        hint += (
+            f" The detector takes {100.0 * still.false_alarm:.2g}&nbsp;% of the undisturbed spans "
+            "for disturbed. Noise is per axis."
+        )
     return _section("Still stretches", hint, key, plot, table)
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(np.square(values))))
 
 
 def _biases(r: Alignment) -> str:
