@@ -108,16 +108,11 @@ def _show_biases(r: Alignment) -> None:
 
 
 def _show_still(aligned: AlignedWindow) -> None:
-    """The stretches used and the longest others, in order of time."""
-    still = aligned.still
-    if still is None or not still.stretches:
-        return
-    order = sorted(
-        range(len(still.stretches)),
-        key=lambda i: (i != aligned.chosen, -still.stretches[i].duration),
-    )
+    """The stretch used and the longest others, in order of time."""
+    found = dict(enumerate(aligned.still.stretches))
+    order = sorted(found, key=lambda i: (i != aligned.chosen, -found[i].duration))
     for i in sorted(order[:_STRETCHES]):
-        s = still.stretches[i]
+        s = found[i]
         used = ", used" if i == aligned.chosen else ""
         row(
             f"{s.motion} stretch",

@@ -314,55 +314,39 @@ def _convergence(figures: dict[str, Figure]) -> str:
 
 
 def _still(aligned: AlignedWindow, figures: dict[str, Figure]) -> str:
-    still = aligned.still
-    stretches = () if still is None else still.stretches
-    plot = _plot("timeline", figures, "Rate and force over the log")
-    if not stretches and not plot:
-        return ""
     key = ""
-    if plot:
+    if "timeline" in figures:
         shown = {shape["name"] for shape in figures["timeline"]["layout"]["shapes"]}
-        words = {"used": "used", "still": "still", "swaying": "swaying", "cut": "cut out"}
-        key = _key((words[kind], _block(color)) for kind, color in SHADES.items() if kind in shown)
-    table = ""
-    if stretches:
-        table = _table(
-            (
-                "",
-                "from, s",
-                "to, s",
-                "kept, s",
-                "cut, s",
-                "motion",
-                "force scatter, mm/s²",
-                "rate scatter, °/s",
-                "noise, °/√h",
-                "noise, µg/√Hz",
-            ),
-            [
-                (
-                    f"{i + 1}, used" if i == aligned.chosen else f"{i + 1}",
-                    f"{s.start:.1f}",
-                    f"{s.stop:.1f}",
-                    f"{s.duration:.1f}",
-                    f"{s.cut:.1f}",
-                    s.motion,
-                    number(s.force_scatter / _MM),
-                    number(s.rate_scatter / DEG_PER_S),
-                    number(_rms(s.arw) / DEG_PER_RTH),
-                    number(_rms(s.vrw) / UG_PER_RTHZ),
-                )
-                for i, s in enumerate(stretches)
-            ],
-            "narrow",
+        key = _key((kind, _block(color)) for kind, color in SHADES.items() if kind in shown)
+    parts = key, _plot("timeline", figures, "Rate and force over the log"), _stretches(aligned)
+    return _section(
+        "Still stretches",
+        "Distance of each short mean of rate and specific force from those of the part used. The "
+        f"detector takes {100.0 * aligned.still.false_alarm:.2g}&nbsp;% of the undisturbed spans "
+        "for disturbed. Noise is per axis.",
+        *parts,
+    )
+
+
+def _stretches(aligned: AlignedWindow) -> str:
+    rows = [
+        (
+            f"{i + 1}, used" if i == aligned.chosen else f"{i + 1}",
+            f"{s.start:.1f}",
+            f"{s.stop:.1f}",
+            f"{s.duration:.1f}",
+            f"{s.cut:.1f}",
+            s.motion,
+            number(s.force_scatter / _MM),
+            number(s.rate_scatter / DEG_PER_S),
+            number(_rms(s.arw) / DEG_PER_RTH),
+            number(_rms(s.vrw) / UG_PER_RTHZ),
         )
-    hint = "Distance of each short mean of rate and specific force from those of the part used."
-    if still is not None:
-        hint += (
-            f" The detector takes {100.0 * still.false_alarm:.2g}&nbsp;% of the undisturbed spans "
-            "for disturbed. Noise is per axis."
-        )
-    return _section("Still stretches", hint, key, plot, table)
+        for i, s in enumerate(aligned.still.stretches)
+    ]
+    scatter = "force scatter, mm/s²", "rate scatter, °/s", "noise, °/√h", "noise, µg/√Hz"
+    head = ("", "from, s", "to, s", "kept, s", "cut, s", "motion", *scatter)
+    return _table(head, rows, "narrow") if rows else ""
 
 
 def _rms(values: Array) -> float:

@@ -19,7 +19,6 @@ from navgrade.report.words import readable_angle, readable_time
 if TYPE_CHECKING:
     from align import Alignment
     from align.result import Convergence, Innovations
-    from align.stillness import StillReport, Stretch
     from navgrade.alignment import AlignedWindow, Trace
 
 Array = NDArray[np.float64]
@@ -36,7 +35,7 @@ SHADES = {
     "used": "rgba(0,158,115,0.34)",
     "still": "rgba(0,114,178,0.20)",
     "swaying": "rgba(230,159,0,0.24)",
-    "cut": "rgba(213,94,0,0.55)",
+    "cut out": "rgba(213,94,0,0.55)",
 }
 TRACE_COLOR = "#7d8590"
 _ANGLES = tuple(
@@ -148,9 +147,9 @@ def convergence_figure(c: Convergence | None) -> Figure | None:
 
 
 def timeline_figure(aligned: AlignedWindow) -> Figure | None:
-    """Rate and specific force over the log, the still stretches shaded; None without a trace."""
+    """Rate and specific force over the log, the still stretches shaded; None without two spans."""
     trace = aligned.trace
-    if trace is None or len(trace.t) < 2:
+    if len(trace.t) < 2:
         return None
     first, last = float(trace.t[0]), float(trace.t[-1])
     data = [
@@ -173,7 +172,7 @@ def timeline_figure(aligned: AlignedWindow) -> Figure | None:
                 "name": kind,
             }
         )
-    for number, stretch in enumerate(_stretches(aligned.still), 1):
+    for number, stretch in enumerate(aligned.still.stretches, 1):
         if stretch.stop - stretch.start > _NAMED * (last - first):
             middle = 0.5 * (stretch.start + stretch.stop)
             notes.append({"x": middle, "y": 1, "yref": "paper", "text": f"{number}"} | ABOVE)
@@ -245,20 +244,16 @@ def _angle_axis(low: float, high: float) -> Figure:
     }
 
 
-def _stretches(still: StillReport | None) -> tuple[Stretch, ...]:
-    return () if still is None else still.stretches
-
-
 def _shades(aligned: AlignedWindow) -> Iterator[tuple[float, float, str]]:
     """Parts of the log, s, and what each of them is."""
-    for index, stretch in enumerate(_stretches(aligned.still)):
+    for index, stretch in enumerate(aligned.still.stretches):
         kind = "used" if index == aligned.chosen else stretch.motion
         for start, stop in stretch.pieces:
             yield float(start), float(stop), kind
         edges = [stretch.start, *(edge for piece in stretch.pieces for edge in piece), stretch.stop]
         for start, stop in zip(edges[::2], edges[1::2], strict=True):
             if stop > start:
-                yield float(start), float(stop), "cut"
+                yield float(start), float(stop), "cut out"
     if aligned.chosen is None:
         yield aligned.start, aligned.start + aligned.duration, "used"
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from align.result import Alignment, Contribution, Convergence, Innovations
+from align.stillness import StillReport, Stretch
+from navgrade.alignment import AlignedWindow, Trace
 from navgrade.state import NavState
 
 DEG = np.pi / 180.0
@@ -21,44 +23,30 @@ GYRO, CROSS, NOISE = 1.02e-3, 12.9e-6, 8.4e-5  # of the azimuth, rad
 AZIMUTH = float(np.linalg.norm([GYRO, CROSS, NOISE]))
 
 
-@dataclass
-class Stretch:
-    start: float
-    stop: float
-    pieces: tuple[tuple[float, float], ...]
-    duration: float
-    cut: float
-    motion: str = "still"
-    force_scatter: float = 1.7e-4
-    rate_scatter: float = 8e-5 * DEG
-    arw: float = 0.0021 * DEG / MINUTE
-    vrw: float = 5.3e-6 * 9.80665
+def stretch(*pieces: tuple[float, float], sway: bool = False) -> Stretch:
+    """Kept pieces; what is between them is cut."""
+    start, stop = pieces[0][0], pieces[-1][1]
+    kept = sum(b - a for a, b in pieces)
+    return Stretch(
+        start=start,
+        stop=stop,
+        pieces=pieces,
+        rows=np.zeros(0, bool),
+        duration=kept,
+        cut=stop - start - kept,
+        motion="swaying" if sway else "still",
+        force_scatter=0.031 if sway else 1.7e-4,
+        rate_scatter=(0.04 if sway else 8e-5) * DEG,
+        arw=np.array([0.0015, 0.0020, 0.0025]) * DEG / MINUTE,
+        vrw=np.array([3.0, 5.0, 7.0]) * 9.80665e-6,
+        arw_1s=np.zeros(3),
+        vrw_1s=np.zeros(3),
+    )
 
 
-@dataclass
-class Still:
-    stretches: tuple[Stretch, ...]
-    false_alarm: float = 1e-3
-
-
-@dataclass
-class Trace:
-    t: np.ndarray
-    rate: np.ndarray
-    force: np.ndarray
-    kept: np.ndarray
-
-
-@dataclass
-class Aligned:
-    result: Alignment
-    start: float = 0.0
-    duration: float = 300.0
-    state: NavState | None = None
-    still: Still | None = None
-    chosen: int | None = None
-    trace: Trace | None = None
-    extra: dict[str, Any] = field(default_factory=dict)
+def still(*stretches: Stretch) -> StillReport:
+    """Of a detector with one false alarm in a thousand spans."""
+    return StillReport(stretches, 1e-3, 0.25, np.zeros(0, bool))
 
 
 def alignment() -> Alignment:
@@ -126,15 +114,13 @@ def alignment() -> Alignment:
     )
 
 
-def aligned(**changes: Any) -> Any:
+def aligned(**changes: Any) -> AlignedWindow:
     """The alignment in a log of 15 minutes: a stop with door slams, another, a sway, a drive."""
     pieces = tuple((a, b) for a, b in ((5.0, 92.0), (95.5, 184.0), (188.0, 305.0)))
     stretches = (
-        Stretch(5.0, 305.0, pieces, 292.5, 7.5),
-        Stretch(412.0, 480.0, ((412.0, 480.0),), 68.0, 0.0),
-        Stretch(
-            640.0, 838.5, ((640.0, 700.0), (702.0, 838.5)), 196.5, 2.0, "swaying", 0.031, 0.04 * DEG
-        ),
+        stretch(*pieces),
+        stretch((412.0, 480.0)),
+        stretch((640.0, 700.0), (702.0, 838.5), sway=True),
     )
     t = np.arange(0.25, 900.1, 0.25)
     rng = np.random.default_rng(3)
@@ -151,13 +137,12 @@ def aligned(**changes: Any) -> Any:
     for a, b in pieces:
         kept |= (t > a) & (t <= b)
     state = NavState(lat=LAT, lon=-114.1337 * DEG, h=1118.5, t=305.0)
-    found = Aligned(
-        alignment(), 5.0, 300.0, state, Still(stretches), 0, Trace(t, rate, force, kept)
-    )
+    trace = Trace(t, rate, force, kept)
+    found = AlignedWindow(alignment(), 5.0, 300.0, state, still(*stretches), 0, trace)
     return replace(found, **changes)
 
 
-def bare() -> Any:
+def bare() -> AlignedWindow:
     """Only the level was found, upside down; nothing else is known."""
     nan = float("nan")
     result = replace(
@@ -186,4 +171,6 @@ def bare() -> Any:
         eigenvalue_gap=nan,
         warnings=(),
     )
-    return Aligned(result)
+    nothing = np.zeros(0)
+    trace = Trace(nothing, nothing, nothing, np.zeros(0, bool))
+    return AlignedWindow(result, 0.0, 300.0, None, still(), None, trace)
