@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
+from align import Alignment
 from earth.rotation import euler_from_quat
-from earth.units import DEG, DEG_PER_H
+from earth.units import DEG, DEG_PER_H, UG
 from navgrade.alignment import AlignedWindow
 from navgrade.cli.terminal import console, row, warn
 from navgrade.compare.result import Comparison
 from navgrade.compare.verdict import length_text, time_text
 from navgrade.job import RunSummary
 from navgrade.logs import ImuLog
+from navgrade.report.alignment import differs
+
+_STRETCHES = 6  # shown, at most
 
 
 def show_source(log: ImuLog, *, axes_given: bool) -> None:
@@ -32,27 +38,88 @@ def show_alignment(aligned: AlignedWindow) -> None:
         f"\n[bold]Alignment[/bold]  {r.method}, {aligned.start:g} s to "
         f"{aligned.start + aligned.duration:g} s"
     )
+    row("why", r.reason)
+    row("verdict", r.verdict)
     for name, value, sigma in (
         ("roll", r.roll, r.roll_sigma),
         ("pitch", r.pitch, r.pitch_sigma),
         ("heading", r.heading, r.heading_sigma),
     ):
-        row(name, f"{value / DEG:10.4f}°   1σ {sigma / DEG:.4f}°")
+        row(name, _angle(value, sigma))
     row("tilt and azimuth", f"{'':14}1σ {r.tilt_sigma / DEG:.4f}°, {r.azimuth_sigma / DEG:.4f}°")
-    row("q_nb", "  ".join(f"{x:.9f}" for x in r.q_nb))
-    row("|f| - g", f"{r.specific_force_residual * 1e3:+.4f} mm/s²")
-    row("|ω| - Ω", f"{r.rate_residual / DEG_PER_H:+.4f} °/h")
-    row("implied latitude", f"{r.implied_latitude / DEG:.4f}°")
-    if r.method != "triad" and np.isfinite(r.gyro_heading):
-        row(
-            "heading by gyros",
-            f"{r.gyro_heading / DEG:10.4f}°   1σ {r.gyro_heading_sigma / DEG:.4f}°",
-        )
-    north, east, down = r.scatter / DEG
-    row("scatter of tenths", f"N {north:.4f}°  E {east:.4f}°  D {down:.4f}°")
-    row("stillness, 1 s means", f"{r.force_scatter:.5f} m/s²  {r.rate_scatter / DEG:.5f} °/s")
+    for name, tilt, azimuth in _budget(r):
+        row(f"  {name}", f"{'':17}{tilt}, {azimuth}")
+    if np.all(np.isfinite(r.q_nb)):
+        row("q_nb", "  ".join(f"{x:.9f}" for x in r.q_nb))
+    _show_quality(r)
+    _show_biases(r)
+    _show_still(aligned)
     for warning in r.warnings:
         warn(warning)
+
+
+def _angle(value: float, sigma: float) -> str:
+    text = f"{value / DEG:10.4f}°" if np.isfinite(value) else f"{'unknown':>11}"
+    return f"{text}   1σ {sigma / DEG:.4f}°"
+
+
+def _budget(r: Alignment) -> Iterator[tuple[str, str, str]]:
+    """Source, tilt and azimuth of what contributes."""
+    for line in r.budget:
+        if line.tilt or line.azimuth:
+            yield line.source, f"{line.tilt / DEG:.4f}°", f"{line.azimuth / DEG:.4f}°"
+
+
+def _show_quality(r: Alignment) -> None:
+    row("|f| - g", f"{r.specific_force_residual * 1e3:+.4f} mm/s²")
+    row("|ω| - Ω", f"{r.rate_residual / DEG_PER_H:+.4f} °/h")
+    implied = r.implied_latitude
+    row("implied latitude", f"{implied / DEG:.4f}°" if np.isfinite(implied) else "unknown")
+    if differs(r.gyro_heading, r.heading):
+        row("heading by gyros", _angle(r.gyro_heading, r.gyro_heading_sigma))
+    if np.all(np.isfinite(r.scatter)):
+        north, east, down = r.scatter / DEG
+        row("scatter of tenths", f"N {north:.4f}°  E {east:.4f}°  D {down:.4f}°")
+    row("stillness, 1 s means", f"{r.force_scatter:.5f} m/s²  {r.rate_scatter / DEG:.5f} °/s")
+    if np.isfinite(r.eigenvalue_gap):
+        row("eigenvalue gap", f"{r.eigenvalue_gap:.3g}")
+    found = r.innovations
+    if found is not None:
+        says = "consistent" if found.consistent else "not consistent with the model"
+        mean = float(np.mean(found.nis))
+        row("mean NIS", f"{mean:.3f}, 95 % {found.low:.3f} to {found.high:.3f}: {says}")
+
+
+def _show_biases(r: Alignment) -> None:
+    for name, bias, sigma, unit, sign in (
+        ("gyro bias", r.gyro_bias, r.gyro_bias_sigma, DEG_PER_H, "°/h"),
+        ("accelerometer bias", r.accel_bias, r.accel_bias_sigma, UG, "µg"),
+    ):
+        if bias is None:
+            continue
+        sigmas = np.full(3, np.nan) if sigma is None else sigma
+        axes = (
+            f"{axis} {b / unit:+.4g} ± {s / unit:.2g}" if np.isfinite(b) else f"{axis} unknown"
+            for axis, b, s in zip("xyz", bias, sigmas, strict=True)
+        )
+        row(name, "  ".join(axes) + f" {sign}")
+    for text in r.unobservable:
+        row("unobservable", text)
+
+
+def _show_still(aligned: AlignedWindow) -> None:
+    """The stretch used and the longest others, in order of time."""
+    found = dict(enumerate(aligned.still.stretches))
+    order = sorted(found, key=lambda i: (i != aligned.chosen, -found[i].duration))
+    for i in sorted(order[:_STRETCHES]):
+        s = found[i]
+        used = ", used" if i == aligned.chosen else ""
+        row(
+            f"{s.motion} stretch",
+            f"{s.start:.1f} s to {s.stop:.1f} s, kept {s.duration:.1f} s, cut {s.cut:.1f} s{used}",
+        )
+    if len(order) > _STRETCHES:
+        row("", f"and {len(order) - _STRETCHES} shorter ones")
 
 
 def show_summary(summary: RunSummary) -> None:

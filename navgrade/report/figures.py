@@ -1,23 +1,15 @@
-"""The plots of a page, as plotly.js takes them.
-
-A figure is a dict of ``data``, ``layout``, ``views`` and ``first``, the view to begin with. A view
-has a name and what of data and layout it replaces. The ``meta`` of a trace names its variant.
-"""
+"""The plots of a comparison's page; the ``meta`` of a trace names its variant."""
 
 from __future__ import annotations
 
-import html
 import math
 import textwrap
-from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 
 from navgrade.compare.result import Array, Axis, Comparison, Variant
 from navgrade.report.curves import (
     IMU_COLOR,
-    MINUTES,
     REFERENCE_COLOR,
     Quantity,
     Style,
@@ -34,16 +26,22 @@ from navgrade.report.curves import (
     rows_in_time,
     styles,
 )
-from navgrade.report.words import decades, readable, readable_time
+from navgrade.report.plots import (
+    ABOVE,
+    MARGIN,
+    Figure,
+    as_text,
+    log_axis,
+    numbers,
+    time_axis,
+)
+from navgrade.report.words import readable, readable_time
 
-Figure = dict[str, Any]
 IMU = "imu"  # the variant that is none: the sensors' own errors
 REFERENCE = "reference"
-_MARGIN = {"l": 60, "r": 16, "t": 16, "b": 48}
 _WRAP = 25  # characters of a label beside a bar
 _HARD = "\N{NO-BREAK SPACE}"
 _OUTAGE = 60.0  # s: of GNSS, a common one
-_ABOVE = {"yanchor": "bottom", "showarrow": False}
 
 
 def track_figure(comparison: Comparison) -> Figure:
@@ -90,7 +88,7 @@ def track_figure(comparison: Comparison) -> Figure:
     x = axis | {"title": {"text": "east of the start, m"}}
     y = axis | {"title": {"text": "north of the start, m"}, "scaleanchor": "x", "scaleratio": 1}
     layout = {
-        "margin": _MARGIN,
+        "margin": MARGIN,
         "hovermode": "closest",
         "xaxis": x | {"range": easts},
         "yaxis": y | {"range": norths},
@@ -105,7 +103,7 @@ def growth_figure(comparison: Comparison) -> Figure:
     views = [_growth_view(comparison, quantity) for quantity in quantities(comparison)]
     return {
         "data": [],
-        "layout": {"margin": _MARGIN, "hovermode": "closest"},
+        "layout": {"margin": MARGIN, "hovermode": "closest"},
         "views": views,
         "first": 0,
     }
@@ -127,10 +125,10 @@ def _plan(track: Array, times: list[str], label: str, name: str) -> Figure:
     return {
         "type": "scatter",
         "mode": "lines",
-        "x": _numbers(track[:, 0], 8),
-        "y": _numbers(track[:, 1], 8),
+        "x": numbers(track[:, 0], 8),
+        "y": numbers(track[:, 1], 8),
         "text": times,
-        "hovertemplate": f"<b>{_text(label)}</b><br>%{{text}}<br>east %{{x:,.3r}} m, "
+        "hovertemplate": f"<b>{as_text(label)}</b><br>%{{text}}<br>east %{{x:,.3r}} m, "
         "north %{y:,.3r} m<extra></extra>",
         "meta": name,
     }
@@ -172,11 +170,11 @@ def _growth_view(comparison: Comparison, quantity: Quantity) -> Figure:
         "name": quantity.label,
         "data": data,
         "layout": {
-            "xaxis": _time_axis(t[rows]),
-            "yaxis": _log_axis(unit, low, high) | {"title": {"text": quantity.title}},
+            "xaxis": time_axis(t[rows]),
+            "yaxis": log_axis(unit, low, high) | {"title": {"text": quantity.title}},
             "shapes": [across | {"y0": y, "y1": y} for y, _ in guides],
             "annotations": [
-                {"y": math.log10(y), "text": text} | left | _ABOVE for y, text in guides
+                {"y": math.log10(y), "text": text} | left | ABOVE for y, text in guides
             ],
         },
     }
@@ -220,14 +218,14 @@ def _cost_view(comparison: Comparison, epoch: int) -> Figure:
             value = f"ended at {readable_time(end)}"
         value = value.replace(" ", _HARD)
         *lines, last = textwrap.wrap(f"{label} {value}", _WRAP, break_long_words=False)
-        last = f"{_text(last.removesuffix(value))}<b>{value}</b>"
-        ticks.append("<br>".join([*map(_text, lines), last]))
+        last = f"{as_text(last.removesuffix(value))}<b>{value}</b>"
+        ticks.append("<br>".join([*map(as_text, lines), last]))
     places = list(range(len(found)))
     bars = {
         "type": "bar",
         "orientation": "h",
         "y": places,
-        "x": _numbers([value if value > low else math.nan for value in values]),
+        "x": numbers([value if value > low else math.nan for value in values]),
         "text": ticks,
         "textposition": "none",
         "hovertemplate": "%{text}<extra></extra>",
@@ -240,13 +238,13 @@ def _cost_view(comparison: Comparison, epoch: int) -> Figure:
         "type": "scatter",
         "mode": "markers",
         "y": places,
-        "x": _numbers([value if value > low else math.nan for value in forms]),
+        "x": numbers([value if value > low else math.nan for value in forms]),
         "text": [readable(value, "m") for value in forms],
         "hovertemplate": "predicted: %{text}<extra></extra>",
         "marker": {"symbol": "circle-open", "size": 10, "line": {"width": 2}},
     }
     layout: Figure = {
-        "xaxis": _log_axis("m", low, high) | {"title": {"text": "distance from the full engine"}},
+        "xaxis": log_axis("m", low, high) | {"title": {"text": "distance from the full engine"}},
         "yaxis": {
             "showgrid": False,
             "zeroline": False,
@@ -263,7 +261,7 @@ def _cost_view(comparison: Comparison, epoch: int) -> Figure:
         layout["shapes"] = [{"type": "line", "x0": sigma, "x1": sigma, "line": line} | edge]
         side = "left" if sigma < math.sqrt(low * high) else "right"
         note = {"x": math.log10(sigma), "xanchor": side, "y": 1, "yref": "paper", "text": text}
-        layout["annotations"] = [note | _ABOVE]
+        layout["annotations"] = [note | ABOVE]
     return {
         "name": readable_time(comparison.epochs[epoch]),
         "data": [bars, circles],
@@ -275,10 +273,10 @@ def _curve(t: Array, error: Array, unit: str, label: str, name: str) -> Figure:
     positive = np.where(error > 0.0, error, np.nan)
     return {
         "type": "scatter",
-        "x": _numbers(t),
-        "y": _numbers(positive),
+        "x": numbers(t),
+        "y": numbers(positive),
         "text": [readable(y, unit) for y in positive],
-        "hovertemplate": f"<b>{_text(label)}</b><br>%{{text}} after %{{x:.3~r}} s<extra></extra>",
+        "hovertemplate": f"<b>{as_text(label)}</b><br>%{{text}} after %{{x:.3~r}} s<extra></extra>",
         "meta": name,
     }
 
@@ -291,47 +289,10 @@ def _end(variant: Variant, style: Style, x: float, y: float, t: float) -> Figure
         "x": [float(x)],
         "y": [float(y)],
         "marker": {"symbol": "x", "size": 11, "color": style.color},
-        "hovertemplate": f"{_text(variant.label)}<br>ended at {readable_time(t)}<extra></extra>",
+        "hovertemplate": f"{as_text(variant.label)}<br>ended at {readable_time(t)}<extra></extra>",
         "meta": variant.name,
     }
 
 
 def _line(style: Style) -> Figure:
     return {"color": style.color, "dash": style.dash, "width": style.width}
-
-
-def _time_axis(t: Array) -> Figure:
-    return {
-        "type": "log",
-        "title": {"text": "time since the start"},
-        "range": [math.log10(t[0]), math.log10(t[-1] * 1.15)],
-        "tickvals": list(MINUTES),
-        "ticktext": [readable_time(t) for t in MINUTES],
-    }
-
-
-def _log_axis(unit: str, low: float, high: float) -> Figure:
-    # plotly writes the tick 1e-6 with a minus sign, not a hyphen
-    labels = {f"{value:.0e}": text for value, text in decades(unit).items()}
-    aliases = {_as_plotly(key): text for key, text in labels.items()}
-    return {
-        "type": "log",
-        "range": [math.log10(low), math.log10(high)],
-        "tickformat": "~e",
-        "labelalias": aliases,
-    }
-
-
-def _as_plotly(tick: str) -> str:
-    """A tick such as 1e-06 as the format ~e of plotly.js writes it."""
-    digit, power = tick.split("e")
-    return f"{digit}e{'−' if int(power) < 0 else '+'}{abs(int(power))}"
-
-
-def _numbers(values: Array | Sequence[float], digits: int = 5) -> list[float | None]:
-    """Rounded, for JSON; None for NaN."""
-    return [float(f"{x:.{digits}g}") if math.isfinite(x) else None for x in values]
-
-
-def _text(text: str) -> str:
-    return html.escape(text, quote=False)

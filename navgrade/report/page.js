@@ -26,6 +26,8 @@ async function draw(plot) {
   // a copy: plotly writes a zoom into what it was given
   const layout = structuredClone({ ...plot.figure.layout, ...plot.view.layout });
   const axis = { gridcolor: line, linecolor: line, zerolinecolor: line, automargin: true };
+  const names = ["xaxis", "yaxis", "yaxis2"].filter((name) => name !== "yaxis2" || layout[name]);
+  const axes = Object.fromEntries(names.map((name) => [name, { ...axis, ...layout[name] }]));
   const soft = css.getPropertyValue("--soft");
   const small = { size: 12, color: soft };
   const guide = { color: soft, width: 1, dash: "dot" };
@@ -45,8 +47,7 @@ async function draw(plot) {
     font: { family: css.fontFamily, size: innerWidth < 600 ? 11 : 13, color: ink },
     modebar: { bgcolor: "rgba(0,0,0,0)", color: soft, activecolor: ink },
     hoverlabel: { align: "left", font: { size: 13 } },
-    xaxis: { ...axis, ...layout.xaxis },
-    yaxis: { ...axis, ...layout.yaxis },
+    ...axes,
     shapes: (layout.shapes ?? []).map((shape) => ({ line: guide, ...shape })),
     annotations: (layout.annotations ?? []).map((note) => ({ font: small, ...note })),
   }, config);
@@ -114,7 +115,8 @@ addEventListener("beforeprint", () => {
   root.classList.add("paper");
   drawAll();
   for (const { node } of plots) {
-    Plotly.relayout(node, { width: 690, height: node.id === "cost" ? node.clientHeight : 340 });
+    const height = node.classList.contains("bars") ? node.clientHeight : 340;
+    Plotly.relayout(node, { width: 690, height });
   }
 });
 addEventListener("afterprint", () => {
@@ -123,6 +125,6 @@ addEventListener("afterprint", () => {
   drawAll();
 });
 drawAll().then(() => {
-  map.on("plotly_relayout", scale);
+  map?.on("plotly_relayout", scale);
   root.dataset.drawn = "yes";
 });

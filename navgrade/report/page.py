@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import json
-import re
 from collections.abc import Iterable
 from html import escape
 from importlib.metadata import version
-from importlib.resources import files
 from pathlib import Path
 
 import numpy as np
@@ -27,11 +24,11 @@ from navgrade.report.curves import (
 from navgrade.report.figures import (
     IMU,
     REFERENCE,
-    Figure,
     cost_figure,
     growth_figure,
     track_figure,
 )
+from navgrade.report.sheet import sheet, swatch, switch, unbroken, views
 from navgrade.report.words import (
     GROUPS,
     clock,
@@ -40,11 +37,6 @@ from navgrade.report.words import (
     place,
     readable,
     readable_time,
-)
-
-_SHORTHAND = {"dash": "7 4", "dot": "2 3", "dashdot": "7 3 2 3", "solid": ""}  # of SVG, px
-_POLICY = (
-    "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:"
 )
 
 
@@ -71,31 +63,14 @@ def write_page(comparison: Comparison, path: str | Path, *, overwrite: bool = Fa
 
 
 def _page(comparison: Comparison) -> str:
-    from plotly.offline import get_plotlyjs
-
     figures = {
         "track": track_figure(comparison),
         "growth": growth_figure(comparison),
         "cost": cost_figure(comparison),
     }
-    data = json.dumps(figures, ensure_ascii=False, allow_nan=False).replace("<", "\\u003c")
-    here = files(__package__)
     name = escape(Path(comparison.log).name)
-    first, *more = [f"<p>{_unbroken(sentence)}</p>" for sentence in comparison.verdict] or [""]
-    return f"""<!DOCTYPE html>
-<html lang="en">
-<head>
-<meta charset="utf-8">
-<meta name="viewport" content="width=device-width, initial-scale=1">
-<meta http-equiv="Content-Security-Policy" content="{_POLICY}">
-<title>{name}: what the Earth is worth</title>
-<link rel="icon" href="data:,">
-<style>
-{here.joinpath("page.css").read_text("utf-8")}</style>
-</head>
-<body>
-<main>
-<header>
+    first, *more = [f"<p>{unbroken(sentence)}</p>" for sentence in comparison.verdict] or [""]
+    body = f"""<header>
 <h1>{name}</h1>
 <p>{escape(clock(comparison.start_ns))}, {readable_time(comparison.t[-1])} without aiding</p>
 </header>
@@ -112,22 +87,22 @@ def _page(comparison: Comparison) -> str:
 <h2>Where each solution went</h2>
 <p class="hint">Drag to zoom, double-click to see the whole. The reference is the broad grey
 line.</p>
-{_views("track", figures, "View")}
+{views("track", figures, "View")}
 <div id="track" class="plot" role="img" aria-label="Map of all solutions"></div>
 </section>
 <section>
 <h2>How the errors grow</h2>
 <p class="hint">Both axes are logarithmic: one division up is ten times the error, and a straight
 line is a power of time. A circle is what a formula predicts.</p>
-{_views("growth", figures, "Quantity")}
+{views("growth", figures, "Quantity")}
 <div id="growth" class="plot" role="img" aria-label="Errors over time"></div>
 </section>
 <section>
 <h2>What each simplification costs</h2>
 <p class="hint">Metres between the solution and the full engine, after the chosen time, on a
 logarithmic axis. A circle is what a formula predicts.</p>
-{_views("cost", figures, "Time")}
-<div id="cost" class="plot" role="img" aria-label="Cost of each simplification"
+{views("cost", figures, "Time")}
+<div id="cost" class="plot bars" role="img" aria-label="Cost of each simplification"
 style="height: {_height(comparison)}"></div>
 </section>
 </div>
@@ -145,25 +120,13 @@ style="height: {_height(comparison)}"></div>
 <section>
 <h2>Where this comes from</h2>
 {_provenance(comparison)}
-</section>
-</main>
-<script type="application/json" id="figures">{data}</script>
-<script>{get_plotlyjs()}</script>
-<script>
-{here.joinpath("page.js").read_text("utf-8")}</script>
-</body>
-</html>
-"""
+</section>"""
+    return sheet(f"{Path(comparison.log).name}: what the Earth is worth", body, figures)
 
 
 def _height(comparison: Comparison) -> str:
     """Of the bars: two lines of text for each."""
     return f"{2.2 * len(comparison.variants) + 6.0:g}rem"
-
-
-def _views(name: str, figures: dict[str, Figure], title: str) -> str:
-    choices = [view["name"] for view in figures[name]["views"]]
-    return _switch(name, choices, title, figures[name]["first"])
 
 
 def _lead(comparison: Comparison) -> str:
@@ -186,36 +149,20 @@ def _times(count: int) -> str:
     return {1: "once", 2: "twice"}.get(count, f"{count} times")
 
 
-def _switch(name: str, choices: Iterable[str], title: str, first: int = 0) -> str:
-    buttons = "".join(
-        f'<label><input type="radio" name="{name}" value="{i}"{" checked" if i == first else ""}>'
-        f"<span>{escape(choice)}</span></label>"
-        for i, choice in enumerate(choices)
-    )
-    return f'<fieldset class="switch" aria-label="{title}">{buttons}</fieldset>'
-
-
-def _swatch(color: str, dash: str, width: float) -> str:
-    return (
-        f'<svg width="30" height="10" aria-hidden="true"><line x1="0" x2="30" y1="5" y2="5" '
-        f'stroke="{color}" stroke-width="{width}" stroke-dasharray="{_SHORTHAND[dash]}"/></svg>'
-    )
-
-
 def _legend(comparison: Comparison) -> str:
     look, called = styles(comparison), labels(comparison)
     fields = [
         _field(
             GROUPS[group],
-            [(v.name, called[v.name], _swatch(*_drawn(look[v.name]))) for v in variants],
+            [(v.name, called[v.name], swatch(*_drawn(look[v.name]))) for v in variants],
         )
         for group, variants in _grouped(comparison)
     ]
     others = [
-        (REFERENCE, f"Reference: {comparison.reference}", _swatch(REFERENCE_COLOR, "solid", 6.0))
+        (REFERENCE, f"Reference: {comparison.reference}", swatch(REFERENCE_COLOR, "solid", 6.0))
     ]
     if comparison.imu_error is not None:
-        others.append((IMU, "This IMU's own errors, 1σ", _swatch(IMU_COLOR, "dashdot", 2.0)))
+        others.append((IMU, "This IMU's own errors, 1σ", swatch(IMU_COLOR, "dashdot", 2.0)))
     fields.append(_field("To judge by", others))
     return f'<aside class="legend" aria-label="Legend">{"".join(fields)}</aside>'
 
@@ -243,12 +190,7 @@ def _grouped(comparison: Comparison) -> Iterable[tuple[Group, list[Variant]]]:
 def _tables(comparison: Comparison) -> str:
     every = quantities(comparison)
     tables = (_table(comparison, quantity, i) for i, quantity in enumerate(every))
-    return _switch("table", [quantity.label for quantity in every], "Quantity") + "".join(tables)
-
-
-def _unbroken(sentence: str) -> str:
-    """A sentence whose numbers stay on one line with their units."""
-    return re.sub(r"(\d) (?=(?:km|m|mm|µm|s|min)\b)", "\\1&nbsp;", escape(sentence))
+    return switch("table", [quantity.label for quantity in every], "Quantity") + "".join(tables)
 
 
 def _table(comparison: Comparison, quantity: Quantity, index: int) -> str:
@@ -299,7 +241,7 @@ def _row(
 def _meanings(comparison: Comparison) -> str:
     look, called = styles(comparison), labels(comparison)
     entries = "".join(
-        f"<dt>{_swatch(*_drawn(look[v.name]))}<span>{escape(called[v.name])}</span></dt>"
+        f"<dt>{swatch(*_drawn(look[v.name]))}<span>{escape(called[v.name])}</span></dt>"
         f"<dd>{escape(meaning(v.name))}</dd>"
         for v in comparison.variants
         if meaning(v.name)

@@ -5,11 +5,12 @@ from __future__ import annotations
 import math
 from datetime import UTC, datetime
 
-from earth.units import DEG
+from earth.units import ARCSEC, DEG
 from navgrade.compare.result import Group, Growth
 
 _PREFIXES = {-9: "n", -6: "µ", -3: "m", 0: "", 3: "k"}
 _SMALL_ANGLE = 1e-3  # rad: 0.06°, up to here in rad
+_FINE_ANGLE = 0.01 * DEG  # below it in arcseconds
 
 GROUPS: dict[Group, str] = {
     "engine": "The full engine",
@@ -81,6 +82,32 @@ def readable(value: float, unit: str, digits: int = 3) -> str:
 def _plain(value: float, digits: int) -> str:
     value = float(f"{value:.{digits - 1}e}")
     return f"{value:,.{max(digits - 1 - math.floor(math.log10(value)), 0)}f}"
+
+
+def number(value: float, digits: int = 3) -> str:
+    """Some significant digits without a power of ten; a dash for what is not finite."""
+    if not math.isfinite(value):
+        return "—"
+    if value == 0.0:
+        return "0"
+    return f"{'−' if value < 0.0 else ''}{_plain(abs(value), digits)}"
+
+
+def signed(value: float, digits: int = 3) -> str:
+    """As `number`, with a plus where it is positive."""
+    return f"{'+' if value > 0.0 and math.isfinite(value) else ''}{number(value, digits)}"
+
+
+def angle_unit(largest: float) -> tuple[float, str]:
+    """Size, rad, and sign of the unit in which angles up to this one read best."""
+    return (ARCSEC, "″") if largest < _FINE_ANGLE else (DEG, "°")
+
+
+def readable_angle(value: float, digits: int = 3) -> str:
+    """An angle given in rad: "8.21″", "0.0740°"."""
+    size, sign = angle_unit(abs(value))
+    text = number(value / size, digits)
+    return text if text in ("—", "0") else f"{text}{sign}"
 
 
 def decades(unit: str) -> dict[float, str]:
