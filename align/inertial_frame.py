@@ -297,9 +297,7 @@ def _variances(
     )
 
 
-def _swing(
-    fit: _Fit, powers: Array, errors: SensorErrors, g: float, rate: Array
-) -> float:
+def _swing(fit: _Fit, powers: Array, errors: SensorErrors, g: float, rate: Array) -> float:
     """Return what the base's velocity shows beyond the noise, rms over its frequency squared, m s.
 
     A velocity that swings leaks into the polynomials beyond the quadratic by the slopes of their

@@ -23,6 +23,7 @@ from align import (
 from align.checks import check_units_at_rest
 from align.spans import SpanReducer, Spans, natural_length
 from align.stillness import StillReport, Stretch, assess, find_still
+from align.window import white_noise
 from earth.units import DEG, DEG_PER_H, DEG_PER_RTH, UG, UG_PER_RTHZ
 from navgrade import reconstruction as body
 from navgrade.errors import ConfigError
@@ -294,14 +295,16 @@ def _aligned(
     means = _means(part.spans[rows])
     sways = stretch is not None and stretch.motion == "swaying"
     if method == "inertial" or (sways and method == "auto"):
+        errors, warnings = _measured(site.errors, stretch, means)
         result = align_swaying(
             _increments(part.log, start, stop),
             place.lat,
             place.h,
-            errors=_measured(site.errors, stretch),
+            errors=errors,
             stillness=assess(*means),
             reason="the base sways, and no mean stands still" if sways else "as chosen",
         )
+        result = replace(result, warnings=(*warnings, *result.warnings))
     elif method == "fine":
         inside = (part.spans.end > start + _EDGE) & (part.spans.start < stop - _EDGE)
         whole = part.spans[inside]
@@ -332,15 +335,22 @@ def _means(spans: Spans) -> tuple[Array, Array, Array]:
     return spans.dt, spans.omega_ib_b, spans.f_ib_b
 
 
-def _measured(errors: SensorErrors, stretch: Stretch | None) -> SensorErrors:
-    """The stated errors, and the noise the stretch shows where none is stated."""
-    if stretch is None:
-        return errors
-    return replace(
-        errors,
-        arw=_rms(stretch.arw) if errors.arw is None else errors.arw,
-        vrw=_rms(stretch.vrw) if errors.vrw is None else errors.vrw,
-    )
+def _measured(
+    errors: SensorErrors, stretch: Stretch | None, means: tuple[Array, Array, Array]
+) -> tuple[SensorErrors, tuple[str, ...]]:
+    """The stated errors, and the noise the data show where none is stated; a warning about it."""
+    if errors.arw is not None and errors.vrw is not None:
+        return errors, ()
+    arw, vrw = white_noise(*means)
+    warnings: tuple[str, ...] = ()
+    if stretch is not None and stretch.motion == "swaying":
+        arw = min(_rms(stretch.arw), _rms(stretch.arw_1s))
+        vrw = min(_rms(stretch.vrw), _rms(stretch.vrw_1s))
+        warnings = (
+            "noise of the sensors is not stated, and on a base that sways its motion counts as "
+            "noise: the sigmas are upper bounds; state imu.errors.arw_deg_rth and vrw_ug_rthz",
+        )
+    return replace(errors, arw=errors.arw or arw, vrw=errors.vrw or vrw), warnings
 
 
 def _rms(values: Array) -> float:

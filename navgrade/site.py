@@ -161,6 +161,7 @@ class Site:
     window: Window | None = None
     method: str | None = None
     false_alarm: float | None = None
+    survey_notes: tuple[str, ...] = ()
     initial: Initial | None = None
     reconstruction: str | None = None
     frame: str | None = None

@@ -75,5 +75,5 @@ def command(
         if k < len(sources):
             show_source(sources[k], axes_given=bool(axes or site.axes))
         show_alignment(aligned)
-    for note in site.notes:
+    for note in site.survey_notes:
         warn(note)
