@@ -20,6 +20,7 @@ AzimuthKind = Literal["geodetic", "grid", "astronomic", "magnetic"]
 KINDS: tuple[AzimuthKind, ...] = get_args(AzimuthKind)
 
 MAX_SIGMA = 0.1  # rad: beyond ten sigmas of position in a line it has no direction to speak of
+_LONGEST = 200e3  # m, of a line anybody sights along
 _MARGIN = 1.0 * DEG  # outside a grid's area of use
 _UTM = re.compile(r"UTM\s*(?:zone)?\s*(?P<zone>\d{1,2})\s*(?P<half>[NS]?)", re.IGNORECASE)
 _EPSG = re.compile(r"EPSG:\d+", re.IGNORECASE)
@@ -78,12 +79,10 @@ class KnownAzimuth:
             return self
         return self.turned(turn, what=f"carried {what} by convergence of the meridians")
 
-    def heading(self, mounting: float = 0.0, mounting_sigma: float = 0.0) -> KnownHeading:
-        """Heading of the IMU's x axis, `mounting` (rad) clockwise from this direction."""
-        if mounting == 0.0 and mounting_sigma == 0.0:
-            return KnownHeading(self.azimuth, self.sigma)
-        mounted = self.turned(mounting, mounting_sigma, "mounting angle")
-        return KnownHeading(mounted.azimuth, mounted.sigma)
+    @property
+    def heading(self) -> KnownHeading:
+        """Of an IMU whose x axis points this way."""
+        return KnownHeading(self.azimuth, self.sigma)
 
 
 def azimuth_between(
@@ -118,6 +117,11 @@ def azimuth_between(
     line = f"{start.name} to {end.name}"
     if distance < 1e-4:  # m, what marks are given to
         raise SurveyError(f"the line {line} has no direction: both marks are at the same place")
+    if distance > _LONGEST:
+        raise SurveyError(
+            f"the line {line} is {distance / 1e3:.0f} km long; are latitude and longitude of one "
+            "mark swapped?"
+        )
     if sigma is None:
         across = [
             float(np.hypot(mark.sigmas[0] * np.sin(azimuth), mark.sigmas[1] * np.cos(azimuth)))

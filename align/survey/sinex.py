@@ -18,7 +18,7 @@ def is_sinex(text: str) -> bool:
 
 
 def read_sinex(text: str, file: str) -> list[Mark]:
-    """The marks of SITE/ID and SOLUTION/ESTIMATE, by code, DOMES number, description and code:solution.
+    """The marks of SOLUTION/ESTIMATE, by code, code:solution and what SITE/ID calls them.
 
     The sigmas are those of X, Y, Z taken as uncorrelated; velocities are not applied, so a
     position holds at its reference epoch. The frame is the one that the comments and FILE blocks
