@@ -40,7 +40,7 @@ Array = NDArray[np.float64]
 
 UNSTATED_GYRO_BIAS = 10.0 * DEG_PER_H  # rad/s: of the order of the Earth rate, north stays open
 UNSTATED_ACCEL_BIAS = 5.0 * MG  # m/s^2
-QUIET = 0.05  # micro-motion, where none is stated, over a span's sensor noise: 0.5 % of an S
+QUIET = 0.005  # micro-motion, where none is stated, over a span's sensor noise: not felt at all
 UNTOLD = 0.9  # posterior over prior sigma of a bias the data say nothing about
 
 _TILT = 0.1  # rad, initial sigma: only an accelerometer off by 100 mg tilts so much
@@ -50,7 +50,9 @@ _LEAST_VRW = 1e-3 * UG_PER_RTHZ  # (m/s)/sqrt(s), of a perfect accelerometer
 _BLOCKS = 16  # whose means show noise that is not stated
 _WHITE = 2.5  # variance of their means over that of white noise, either way: what chance does
 _CLOSE = 1e-6  # rad: a last step this small leaves its square, 1e-12
-_PASSES = 12
+_PASSES = 8
+_SETTLED = 0.01  # sigma: a last step this small is good enough where steps shrink slowly
+_SHAKEN = 1e-4  # rad: what the gyros' account of a disturbance may be wrong by
 _CURVE = 60  # points
 _LEVEL = 1e-6  # cosine of pitch below which a nose has no heading
 
@@ -176,7 +178,8 @@ def fine_align(
         `UNSTATED_ACCEL_BIAS`), a noise not stated as what the window shows.
     still : array_like of bool, shape (n,), optional
         False where the base is disturbed: there the gyros alone carry the attitude, which may
-        change; nothing is concluded from the accelerometers. All are still by default.
+        change, to 0.1 mrad; nothing is concluded from the accelerometers. All are still by
+        default.
     t : array_like, shape (n,), optional
         End of each span, s. Where they leave a gap, the base is taken not to have turned.
         By default the spans follow each other.
@@ -223,14 +226,18 @@ def fine_align(
     C_end = dcm_from_quat(np.asarray(q_nb, float))
     for _ in range(_PASSES):
         run = _filter(rows, model, _references(rows, model, C_end))
-        C_end = _turned(run.x[_A]) @ C_end
-        if np.linalg.norm(run.x[_A]) < _CLOSE:
-            return _solution(run, model, C_end)
-    raise AlignmentError(
-        f"fine alignment still moves by {np.linalg.norm(run.x[_A]) / DEG:.3g}° after {_PASSES} "
-        "passes: the coarse attitude is too far off, or the Earth rate and the latitude do not "
-        "fit; give a heading or a better coarse attitude"
-    )
+        step = run.x[_A]
+        C_end = _turned(step) @ C_end
+        if np.linalg.norm(step) < _CLOSE:
+            break
+    in_sigmas = np.max(np.abs(step) / np.sqrt(np.diag(run.P)[_A]))
+    if np.linalg.norm(step) >= _CLOSE and in_sigmas > _SETTLED:
+        raise AlignmentError(
+            f"fine alignment still turns by {np.linalg.norm(step) / DEG:.3g}°, {in_sigmas:.2g} "
+            f"sigma, after {_PASSES} passes: the coarse attitude is too far off, or the Earth rate "
+            "and the latitude do not fit; give a heading or a better coarse attitude"
+        )
+    return _solution(run, model, C_end)
 
 
 def _rows(
@@ -375,9 +382,10 @@ def _restarts(model: _Model) -> tuple[Array, Array]:
     anew = np.tile(np.eye(_SIZE), (2, 1, 1))
     anew[:, _V, _V] = anew[:, _TURN, _TURN] = 0.0
     anew[0, _A, _TURN] = -np.eye(3)
-    start = np.zeros((2, _SIZE, 6))
+    start = np.zeros((2, _SIZE, 9))
     start[:, _V, :3] = model.micro_motion * np.eye(3)
-    start[:, _TURN, 3:] = start[0, _A, 3:] = model.micro_turn * np.eye(3)
+    start[:, _TURN, 3:6] = start[0, _A, 3:6] = model.micro_turn * np.eye(3)
+    start[1, _A, 6:] = _SHAKEN * np.eye(3)
     return anew, start @ start.transpose(0, 2, 1)
 
 
@@ -389,7 +397,8 @@ def _run(x, P, still, restart, steps, noises, felt, anew, fresh, H, R, room, nis
         if restart[k] >= 0:
             predict_in_place(x, P, anew[restart[k]], fresh[restart[k]], room)
         predict_in_place(x, P, steps[k], noises[k], room)
-        x += felt[k]
+        for i in range(x.shape[0]):
+            x[i] += felt[k, i]
         if still[k]:
             failed, nis[k] = update_in_place(x, P, at_rest, H, R, room)
             if failed >= 0:

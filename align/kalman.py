@@ -79,7 +79,8 @@ def room(n: int, m: int = 0) -> Room:
 def _product(A, B, out):
     """Fill `out` with A B; a row of A costs what is not zero in it."""
     for i in range(A.shape[0]):
-        out[i, :] = 0.0
+        for j in range(B.shape[1]):
+            out[i, j] = 0.0
         for k in range(A.shape[1]):
             a = A[i, k]
             if a != 0.0:
@@ -110,7 +111,8 @@ def predict_in_place(x, P, F, Q, room):
         for k in range(n):
             total += F[i, k] * x[k]
         room.moved[i] = total
-    x[:] = room.moved
+    for i in range(n):
+        x[i] = room.moved[i]
     _congruence(F, P, room.wide)
     for i in range(n):
         for j in range(n):
