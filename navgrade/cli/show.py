@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 
 from align import Alignment
@@ -16,6 +14,7 @@ from navgrade.compare.verdict import length_text, time_text
 from navgrade.job import RunSummary
 from navgrade.logs import ImuLog
 from navgrade.report.alignment import differs
+from navgrade.report.words import readable_angle
 
 _STRETCHES = 6  # shown, at most
 
@@ -47,8 +46,10 @@ def show_alignment(aligned: AlignedWindow) -> None:
     ):
         row(name, _angle(value, sigma))
     row("tilt and azimuth", f"{'':14}1σ {r.tilt_sigma / DEG:.4f}°, {r.azimuth_sigma / DEG:.4f}°")
-    for name, tilt, azimuth in _budget(r):
-        row(f"  {name}", f"{'':17}{tilt}, {azimuth}")
+    for line in r.budget:
+        if line.tilt or line.azimuth:
+            each = f"{readable_angle(line.tilt)}, {readable_angle(line.azimuth)}"
+            row(f"  {line.source}", f"{'':17}{each}")
     if np.all(np.isfinite(r.q_nb)):
         row("q_nb", "  ".join(f"{x:.9f}" for x in r.q_nb))
     _show_quality(r)
@@ -61,13 +62,6 @@ def show_alignment(aligned: AlignedWindow) -> None:
 def _angle(value: float, sigma: float) -> str:
     text = f"{value / DEG:10.4f}°" if np.isfinite(value) else f"{'unknown':>11}"
     return f"{text}   1σ {sigma / DEG:.4f}°"
-
-
-def _budget(r: Alignment) -> Iterator[tuple[str, str, str]]:
-    """Source, tilt and azimuth of what contributes."""
-    for line in r.budget:
-        if line.tilt or line.azimuth:
-            yield line.source, f"{line.tilt / DEG:.4f}°", f"{line.azimuth / DEG:.4f}°"
 
 
 def _show_quality(r: Alignment) -> None:
@@ -93,8 +87,8 @@ def _show_quality(r: Alignment) -> None:
 
 def _show_biases(r: Alignment) -> None:
     for name, bias, sigma, unit, sign in (
-        ("gyro bias", r.gyro_bias, r.gyro_bias_sigma, DEG_PER_H, "°/h"),
-        ("accelerometer bias", r.accel_bias, r.accel_bias_sigma, UG, "µg"),
+        ("estimated gyro bias", r.gyro_bias, r.gyro_bias_sigma, DEG_PER_H, "°/h"),
+        ("estimated accel. bias", r.accel_bias, r.accel_bias_sigma, UG, "µg"),
     ):
         if bias is None:
             continue
