@@ -6,7 +6,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -215,9 +214,6 @@ class Site:
     errors: SensorErrors = field(default_factory=SensorErrors)
     place: Place | None = None
     window: Window | None = None
-    method: str | None = None
-    false_alarm: float | None = None
-    survey_notes: tuple[str, ...] = ()
     initial: Initial | None = None
     method: str | None = None
     false_alarm: float | None = None
@@ -564,8 +560,3 @@ def _initial(table: Table) -> Initial:
             q_nb=quat_from_euler(*angles),
         ),
     )
-
-
-def place_of_imu(place: Place, q_nb: Any) -> Place:
-    """Interim."""
-    return place

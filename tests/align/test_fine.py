@@ -4,15 +4,13 @@ Truth comes from `tests.align.at_rest`; nothing here shares code with the filter
 """
 
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 from scipy.stats import chi2
 
-import navgrade
-from align import AlignmentError, KnownHeading, SensorErrors, analytic_coarse
+from align import KnownHeading, SensorErrors, analytic_coarse
 from align.fine import FineSolution, fine_align
 from tests.align.at_rest import DEG, DEG_H, UG, Array, Window, attitudes, error_n, rotation, still
 from tests.oracles.constants import OMEGA
