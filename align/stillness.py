@@ -128,8 +128,8 @@ class Stretch:
     force_scatter, rate_scatter : float
         Scatter of one-second means, root sum square over the axes, m/s^2 and rad/s.
     arw, vrw : ndarray, shape (3,)
-        Density of white noise from the scatter within spans, rad/sqrt(s) and (m/s)/sqrt(s). Of
-        swaying bodies an upper bound: the motion within a span is in it.
+        Density of white noise from the scatter within spans, rad/sqrt(s) and (m/s)/sqrt(s);
+        vibration is in it, sway is not.
     arw_1s, vrw_1s : ndarray, shape (3,)
         The same from the differences of consecutive one-second means (Allan deviation at 1 s):
         larger than `arw` for smoothed samples and motion, smaller for pulses and vibration.
@@ -418,14 +418,27 @@ def _sways(spans: Spans) -> Mask:
     return inner
 
 
-def _smooth_variance(means: Array, between: Mask) -> Array:
-    """Variance within spans of the cubic that has the means of five; 0 where there are not five."""
-    variance = np.zeros(means.shape)
-    a, b, c, d, e = (means[i : len(means) - 4 + i] for i in range(5))
-    slope = 41.0 / 60.0 * (d - b) - 11.0 / 120.0 * (e - a)  # best line's, over one span
-    five = sliding_window_view(between, 4).all(-1)[:, None]
-    variance[2:-2] = np.where(five, slope**2 / 12.0 + (b - 2.0 * c + d) ** 2 / 720.0, 0.0)
-    return variance
+def _white(part: Spans, means: Array, follow: Mask) -> Array:
+    """Densities of white noise, (6,), from the scatter within spans.
+
+    What a smooth motion scatters within a span, the cubic that has the means of the five spans
+    around tells. It is taken off, and the quarter of the spans where it is least is used.
+    """
+    variance = np.hstack([part.omega_var, part.f_var])
+    dt = np.repeat((part.dt / part.count)[:, None], 6, axis=1)
+    smooth = np.zeros_like(variance)
+    if len(follow) > 3 and (inner := np.flatnonzero(sliding_window_view(follow, 4).all(-1))).size:
+        a, b, c, d, e = (means[inner + i] for i in range(5))
+        slope = 41.0 / 60.0 * (d - b) - 11.0 / 120.0 * (e - a)  # of the best line, over a span
+        smooth = slope**2 / 12.0 + (b - 2.0 * c + d) ** 2 / 720.0
+        smooth *= 1.0 + 1.0 / part.count[inner + 2, None]
+        least = np.argsort(smooth, axis=0)[: -(-len(inner) // 4)]
+        columns = variance[inner + 2], dt[inner + 2], smooth
+        variance, dt, smooth = (np.take_along_axis(x, least, axis=0) for x in columns)
+    motion = np.mean(smooth * dt, axis=0)  # known to a thousandth: the least that can be left
+    rest = np.maximum(np.mean(variance * dt, axis=0) - motion, 1e-3 * motion)
+    density: Array = np.sqrt(rest)
+    return density
 
 
 def _stretch(
@@ -441,12 +454,8 @@ def _stretch(
     scatter = [float(np.sqrt(np.sum(np.var(means[:, i : i + 3], axis=0)))) for i in (0, 3)]
     if motion == "still" and not Stillness(force=scatter[1], rate=scatter[0]).is_still:
         return None
-    between = np.diff(rows) == 1
-    variance = np.hstack([part.omega_var, part.f_var])
-    if len(rows) > 4:
-        variance = variance - _smooth_variance(values, between)
-    density = np.mean(variance * (part.dt / part.count)[:, None], axis=0)
-    white = np.sqrt(np.maximum(density, 0.0))
+    between: Mask = np.diff(rows) == 1
+    white = _white(part, values, between)
     follow = np.diff(np.unique(second)) == 1
     differences = np.diff(means, axis=0)[follow]
     length = _rows(spans, SPAN) * spans.length
