@@ -41,6 +41,7 @@ RATE_LIMIT = 0.05 * DEG  # rad/s: the same car shows 0.016 deg/s, its drive 0.3 
 LARGEST = 2.0  # limits a single mean may leave its surroundings by
 FLOOR = 1e-7, 1e-11  # m/s^2, rad/s: scatter below this is rounding, not noise
 NOISE_SPAN = 120.0  # s on both sides tell the noise level, which an engine changes
+GROUP_SPAN = 4.0  # s of spans averaged before medians are taken
 LEVEL_SPAN = 8.0  # s on both sides tell the level a mean is held against
 NORMAL = 1.4826  # standard deviation over the median distance, of a normal distribution
 PASSES = 6  # of levels from what the pass before kept
@@ -280,9 +281,23 @@ def _local(values: Array, keep: Mask, half: int) -> Array:
             if 4 * rows.sum() >= len(rows) or reach > total:
                 break
             reach *= 2
-        medians[k] = np.median(values[near][rows] if rows.any() else values[near], axis=0)
+        medians[k] = np.median(values[near][rows], axis=0)
     at = np.arange(total)
     return np.stack([np.interp(at, centers, column) for column in medians.T], axis=-1)
+
+
+def _local_power(squares: Array, keep: Mask, half: int, size: int, dof: float) -> Array:
+    """Local means of chi-square variables of `dof`, as medians of the means of `size` kept rows.
+
+    The median of single rows would be 0 where few pulses come, as of quantized increments.
+    """
+    kept = np.flatnonzero(keep)
+    size = min(size, len(kept))
+    groups = kept[: len(kept) - len(kept) % size].reshape(-1, size)
+    means = squares[groups].mean(1) / (1.0 - 2.0 / (9.0 * size * dof)) ** 3
+    spread = median_filter(means, (2 * (half // size) + 1, 1), mode="reflect")
+    at, centers = np.arange(len(squares)), groups.mean(1)
+    return np.stack([np.interp(at, centers, column) for column in spread.T], axis=-1)
 
 
 def _normal(ratio: Array, dof: Array | float) -> Array:
@@ -305,18 +320,19 @@ def _detect(spans: Spans, standing: Mask, false_alarm: float) -> tuple[Mask, Mas
     mean = np.hstack([spans.omega_ib_b, spans.f_ib_b])
     floor = np.repeat(FLOOR, 3)
     dof = np.maximum(spans.count - 1, 1)[:, None]
-    per_dof = (1.0 - 2.0 / (9.0 * dof)) ** 3  # median of chi-square over its degrees of freedom
     weight = np.sqrt(spans.dt / spans.length)[:, None]
+    group = _rows(spans, GROUP_SPAN)
     noise_rows, level_rows = _rows(spans, NOISE_SPAN), _rows(spans, LEVEL_SPAN)
     limit, weak = norm.isf(0.5 * false_alarm), norm.isf(WEAK)
+    usual = float(np.median(dof))
     bridge, guard = _rows(spans, BRIDGE), int(np.ceil(GUARD / spans.length - 1e-6))
     quiet = standing
     for _ in range(PASSES):
-        sigma2 = np.maximum(_local(variance / per_dof, quiet, noise_rows), floor**2)
+        sigma2 = np.maximum(_local_power(variance, quiet, noise_rows, group, usual), floor**2)
         energy = _normal(np.mean(variance / sigma2, axis=1), variance.shape[1] * dof[:, 0])
-        off = weight * np.abs(mean - _local(mean, quiet, level_rows))
-        sigma = np.maximum(NORMAL * _local(off, quiet, noise_rows), floor)
-        distance = _normal(np.mean((off / sigma) ** 2, axis=1), 6.0)
+        off2 = weight**2 * (mean - _local(mean, quiet, level_rows)) ** 2
+        spread2 = np.maximum(_local_power(off2, quiet, noise_rows, group, 1.0), floor**2)
+        distance = _normal(np.mean(off2 / spread2, axis=1), 6.0)
         z = np.maximum(_standardize(energy, quiet), _standardize(distance, quiet))
         alarms = z > limit
         moved = ~standing | binary_propagation(alarms, mask=alarms | (z > weak))
@@ -406,7 +422,7 @@ def _sways(spans: Spans) -> Mask:
     if n < 2:
         return none
     windows = sliding_window_view(np.stack([change, change - tilt]), n, axis=1)
-    windows = windows - windows.mean(-1, keepdims=True)
+    windows = windows - np.median(windows, axis=-1, keepdims=True)
     size, rest = np.median(np.linalg.norm(windows, axis=2), axis=-1)
     extent = np.ptp(sliding_window_view(angle, n + lag, axis=0), axis=-1).max(-1)
     heave = sliding_window_view(np.linalg.norm(f, axis=1), n + lag).std(-1)
