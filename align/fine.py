@@ -49,6 +49,7 @@ _LEAST_ARW = 1e-6 * DEG_PER_RTH  # rad/sqrt(s), of a perfect gyro
 _LEAST_VRW = 1e-3 * UG_PER_RTHZ  # (m/s)/sqrt(s), of a perfect accelerometer
 _BLOCKS = 16  # whose means show noise that is not stated
 _WHITE = 2.5  # variance of their means over that of white noise, either way: what chance does
+_LEAST_SHARE = 0.25  # of it that may be random walk where angle noise seems to explain all
 _CLOSE = 1e-6  # rad: a last step this small leaves its square, 1e-12
 _PASSES = 8
 _SETTLED = 0.01  # sigma: a last step this small is good enough where steps shrink slowly
@@ -189,8 +190,8 @@ def fine_align(
         1-sigma of the velocity of a base at rest, m/s. By default too small for the
         accelerometers to feel (`QUIET`); 1e-4 in a parked car, 1e-5 is the noisiest ground.
     micro_turn : float, optional
-        1-sigma of its angle, rad; angle (quantisation) noise of the gyros counts as such. By
-        default too small for the gyros to feel where `errors` state their noise, else what the
+        1-sigma of its angle, rad; angle (quantisation) noise of the gyros may be given as such.
+        By default too small for the gyros to feel where `errors` state their noise, else what the
         window shows; 1e-4 in a parked car.
     ellipsoid : Ellipsoid
 
@@ -312,15 +313,17 @@ def _noise(
             f"{len(dt)} still spans do not show the sensors' noise, it takes {2 * _BLOCKS}: state "
             f"{name}, or give more or shorter spans"
         )
-    integral = dt[:, None] * kept
-    scatter = 0.5 * np.mean(np.diff(integral, axis=0) ** 2, axis=0)  # density^2 span + 3 ends^2
+    # Variance of neighbours' differences: density^2 + 3 ends^2 / length, for spans and for blocks.
+    fine = 0.5 * np.mean(np.diff(dt[:, None] * kept, axis=0) ** 2, axis=0) / span
     blocks = np.array_split(np.arange(len(dt)), _BLOCKS)
     means = np.array([dt[b] @ kept[b] / dt[b].sum() for b in blocks])
-    white = 0.5 * np.mean(np.diff(means, axis=0) ** 2, axis=0) * dt.sum() / _BLOCKS
-    if scatter.sum() / _WHITE < white.sum() * span < scatter.sum() * _WHITE:
-        white = scatter / span  # the same, better known
+    length = float(dt.sum()) / _BLOCKS
+    rough = 0.5 * np.mean(np.diff(means, axis=0) ** 2, axis=0) * length
+    white = np.maximum((rough * length - fine * span) / (length - span), _LEAST_SHARE * rough)
+    if fine.sum() / _WHITE < rough.sum() < fine.sum() * _WHITE:
+        white = fine  # noise is white, and so many spans show it better
     density = np.sqrt(np.maximum(white, least**2))
-    at_ends = np.mean(scatter - density**2 * span) / 3.0
+    at_ends = np.mean(fine - density**2) * span / 3.0
     quiet = QUIET**2 * np.mean(density**2) * span
     return density, float(np.sqrt(max(at_ends, quiet)))
 
@@ -448,11 +451,12 @@ def _with_heading(x: Array, P: Array, C: Array, known: KnownHeading) -> tuple[Ar
         raise AlignmentError(
             "the nose points straight up or down, where a heading has no meaning: align without one"
         )
+    sigma = _positive("heading.sigma", known.sigma, "rad", np.inf)
     off = known.heading - np.arctan2(nose[1], nose[0])
     off -= 2.0 * np.pi * np.rint(off / (2.0 * np.pi))
     H = np.zeros((1, _SIZE))
     H[0, _A] = -nose[2] * nose[0] / level**2, -nose[2] * nose[1] / level**2, 1.0
-    taken = update(x, P, np.array([off]), H, np.array([[known.sigma**2]]))
+    taken = update(x, P, np.array([off]), H, np.array([[sigma**2]]))
     return taken.x, taken.P
 
 

@@ -124,12 +124,12 @@ def test_units_far_apart() -> None:
     assert got.nis == pytest.approx(float(nis_true), rel=1e-12)
 
 
-@pytest.mark.parametrize(("q", "r"), [(1.0, 1.0), (1e-6, 1.0), (4.0, 1e-3)])
+@pytest.mark.parametrize(("q", "r"), [(1.0, 1.0), (1e-3, 1.0), (4.0, 1e-3)])
 def test_steady_state_of_a_random_walk(q: float, r: float) -> None:
     """Variance of the prediction (q + sqrt(q^2 + 4 q r)) / 2, as every textbook has it."""
     x, P = np.zeros(1), np.array([[100.0]])
     F, H = np.eye(1), np.eye(1)
-    for _ in range(20000 if q < r / 100.0 else 50):
+    for _ in range(800):
         x, P = predict(x, P, F, q * np.eye(1))
         x, P, _, S, _ = update(x, P, np.zeros(1), H, r * np.eye(1))
     before = 0.5 * (q + np.sqrt(q * q + 4.0 * q * r))
@@ -187,7 +187,7 @@ def test_bounds_are_those_of_the_printed_table() -> None:
 def test_a_filter_that_knows_its_noise_is_called_consistent_19_times_in_20() -> None:
     """Random walk with noise, and the same with a process noise that is 3 or 1/3 of the truth."""
     rng = np.random.default_rng(5)
-    runs, count = 300, 60
+    runs, count = 100, 60
 
     def judged(believed: float) -> float:
         walk = np.cumsum(rng.normal(size=(count, runs)), axis=0)
@@ -203,8 +203,8 @@ def test_a_filter_that_knows_its_noise_is_called_consistent_19_times_in_20() -> 
             good += consistency(np.arange(count), nis, 1).consistent
         return good / runs
 
-    # of 300: 95 % +- 1.3 % (1 sigma), three of these
-    assert judged(1.0) == pytest.approx(0.95, rel=0.0, abs=0.04)
+    # of 100: 95 % +- 2.2 % (1 sigma), three of these
+    assert judged(1.0) == pytest.approx(0.95, rel=0.0, abs=0.066)
     assert judged(3.0) < 0.05
     assert judged(1.0 / 3.0) < 0.05
 
