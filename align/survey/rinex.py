@@ -5,12 +5,12 @@ from __future__ import annotations
 from align.survey.errors import SurveyError
 from align.survey.marks import Mark, geodetic_from_xyz
 
+_FIRST = "RINEX VERSION / TYPE"
 _END = "END OF HEADER"
 
 
 def is_rinex(text: str) -> bool:
-    first = text.split("\n", 1)[0]
-    return first[60:].strip() == "RINEX VERSION / TYPE"
+    return any(line[60:].strip() == _FIRST for line in text.splitlines()[:3])  # after CRINEX lines
 
 
 def read_rinex(text: str, file: str) -> list[Mark]:
