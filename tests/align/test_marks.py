@@ -122,6 +122,12 @@ def test_tables_in_many_hands(text: str) -> None:
     assert mark.height() == mark.h
 
 
+def test_a_table_with_names_and_numbers() -> None:
+    mark = one("id,name,lat,lon\n0012,A,51,-114\n")
+    assert (mark.name, mark.aliases) == ("A", ("0012",))
+    assert one("id,lat,lon\n0012,51,-114\n").name == "0012"
+
+
 def test_a_table_of_x_y_z(tmp_path: Path) -> None:
     x, y, z = xyz(*PIER).tolist()
     path = tmp_path / "xyz.csv"
@@ -160,6 +166,7 @@ def test_sigmas_of_a_table_have_units() -> None:
         ("hello\nworld\n", "is neither a table with headers"),
         ("\x00\x01,\x02", "is neither a table with headers"),
         ("name,latitude,longitude\n", "has headers and no marks"),
+        ("latitude,longitude,ID\n51,-114,\n", "line 2: the mark has no name"),
         ("latitude,longitude\n51,-114\n", "line 1: there is no column name"),
         ("name,Easting,Northing\nA,1,2\n", "grid coordinates (Easting) are not read"),
         ("name,latitude\nA,51\n", "give columns latitude and longitude, or x, y and z"),
@@ -238,7 +245,11 @@ def test_a_point_of_geojson() -> None:
         SurveyError, match=r"1118\.5 m, but nothing says above what; give height_kind"
     ):
         mark.height()
-    named = one(geojson(id=7, properties={"orthometric_height": 3.0, "geoid_height": -1.0}))
+    named = one(
+        geojson(
+            id=7, properties={"x": 5e5, "y": 5e6, "orthometric_height": 3.0, "geoid_height": -1.0}
+        )
+    )
     assert (named.name, named.height(), named.frame) == ("7", 2.0, "WGS 84")
 
 
@@ -399,6 +410,11 @@ def test_a_rinex_header() -> None:
         ("APPROX POSITION XYZ", "COMMENT            ", "its header has no APPROX POSITION XYZ"),
         ("-1641936.9293", " 164193.69.29", "line 5: APPROX POSITION XYZ has no three numbers"),
         ("-1641936.9293", "      36.9293", "line 5: X, Y, Z = 36.9293"),
+        (
+            " -1641936.9293 -3664809.4959  4940007.6642",
+            "        0.0000        0.0000        0.0000",
+            "line 5: its header has no APPROX POSITION XYZ",
+        ),
         ("OBSERVATION DATA    G                   ", "x" * 40, None),
     ],
 )
