@@ -377,6 +377,7 @@ def test_epochs_of_a_solution(old: str, new: str, year: float | None) -> None:
         ("-1.64193692930179e+06", "-1.6419369293O179e+06", "line 21: is no line of SOLUTION"),
         ("-1.64193692930179e+06", "-1.64193692930179e+03", "from the Earth's center"),
         ("26:001:43185 m    2 -1.64193", "2026-01-01   m    2 -1.64193", "line 21: is no line"),
+        ("5.00000e-03", "        nan", "line 21: is no line of SOLUTION"),
         ("26:001:43185 m    2 -1.64193", "26:001:43185 km   2 -1.64193", "STAX is in km"),
     ],
 )
