@@ -138,7 +138,7 @@ def azimuth_between(
         sigma = off / distance
         if sigma > MAX_SIGMA:
             raise SurveyError(
-                f"the marks of the line {line} are {distance:.4g} m apart with a sigma of "
+                f"the marks of the line {line} are {distance:.3g} m apart with a sigma of "
                 f"{off:.2g} m across it, so the azimuth would have a sigma of "
                 f"{_small(min(sigma, np.pi))}; take marks {off / MAX_SIGMA:.2g} m apart at least, "
                 f"{off / (0.1 * DEG):.2g} m for 0.1°, or give the azimuth's sigma_deg"

@@ -67,15 +67,18 @@ def line_warning(
         silent, said = (a, two) if one is None else (b, one)
         return f"the frame of {silent} is not stated, the other mark of the line is in {said}"
     of = family(one), family(two)
-    if of[0] != of[1] or None in of:
-        if _plain(one) == _plain(two):
-            return None
+    same = _plain(one) == _plain(two)
+    if None in of and not same:
+        return (
+            f"{a} is in {one} and {b} in {two}: how far apart is not known; nothing was corrected"
+        )
+    if of[0] != of[1]:
         return (
             f"{a} is in {one} and {b} in {two}: the frames may differ by 1 to 2 m, over "
             f"{distance:.1f} m up to {_degrees(2.0 / distance)}; nothing was corrected"
         )
     if of[0] != "ITRF":
-        if _plain(one) == _plain(two):
+        if same:
             return None
         return (
             f"{a} is in {one} and {b} in {two}: these realizations differ by centimetres to 1 m, "

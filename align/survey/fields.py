@@ -14,7 +14,8 @@ from align.survey.errors import SurveyError
 from align.survey.marks import Mark, geodetic_from_xyz, ned_sigmas
 
 _SPELLINGS = {
-    "name": ("name", "mark", "mark_name", "point", "point_id", "station", "id", "designation"),
+    "name": ("name", "mark", "mark_name", "point", "point_name", "station", "designation"),
+    "id": ("id", "point_id", "station_id", "pid"),
     "latitude": ("latitude", "lat", "phi", "φ"),
     "longitude": ("longitude", "lon", "long", "lng", "lambda", "λ"),
     "height": ("height", "ellipsoidal_height", "ellipsoid_height", "ellip_ht", "h", "h_ell"),
@@ -36,8 +37,8 @@ _SPELLINGS = {
     "epoch": ("epoch", "reference_epoch"),
 }
 _FIELD = {spelling: name for name, spellings in _SPELLINGS.items() for spelling in spellings}
-_TEXTS = ("name", "datum", "epoch", "height_kind")
-_ANGLES = ("latitude", "longitude")
+TEXTS = ("name", "id", "datum", "epoch", "height_kind")
+ANGLES = ("latitude", "longitude")
 _GRID = ("easting", "northing", "utm_e", "utm_n")
 _METERS = {"m": 1.0, "meters": 1.0, "metres": 1.0, "cm": 1e-2, "mm": 1e-3}
 _DEGREES = ("deg", "degrees", "°", "dms", "dd")
@@ -74,10 +75,10 @@ def known_field(header: str) -> Field | None:
     if name is None:
         return None
     unit = match["boxed"] or match["tail"]
-    if name in _TEXTS or unit is None:
+    if name in TEXTS or unit is None:
         return Field(name)
     unit = unit.lower()
-    if name in _ANGLES:
+    if name in ANGLES:
         if unit not in _DEGREES:
             raise ValueError(f"column {header!r} is in {unit}; give degrees")
         return Field(name)
@@ -134,8 +135,8 @@ def mark_from(
             raise wrong(f"{x}, {y} and {z} go together")
         return a, b, c
 
-    name = str(values.get("name", "")).strip()
-    if not name:
+    name, other = (str(values.get(key, "")).strip() for key in ("name", "id"))
+    if not (name or other):
         raise wrong("the mark has no name")
     h, above_sea, unsaid = (number(k) for k in ("height", "orthometric_height", "unsaid_height"))
     if h is not None or above_sea is not None:
@@ -186,7 +187,7 @@ def mark_from(
     except ValueError as error:
         raise wrong(str(error)) from None
     return Mark(
-        name=name,
+        name=name or other,
         lat=lat,
         lon=lon,
         h=h,
@@ -194,6 +195,7 @@ def mark_from(
         frame=str(values["datum"]).strip() if "datum" in values else frame,
         epoch=epoch,
         source=file if line is None else f"{file}, line {line}",
+        aliases=(other,) if name and other else (),
         orthometric_h=above_sea if h is None else None,
         unsaid_h=unsaid,
     )

@@ -75,7 +75,9 @@ def _mark(feature: Mapping[str, Any], file: str, number: int) -> Mark:
         if field is not None and value is not None:
             scaled = field.unit != 1.0 and isinstance(value, (int, float))
             values[field.name] = value * field.unit if scaled else value
-    values.setdefault("name", str(feature.get("id", "")))
+    for coordinate in ("x", "y", "z"):  # of whatever grid the file was made in
+        values.pop(coordinate, None)
+    values.setdefault("id", feature.get("id", ""))
     values["longitude"], values["latitude"] = coordinates[:2]
     if len(coordinates) == 3:
         values["unsaid_height"] = coordinates[2]

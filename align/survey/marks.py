@@ -122,13 +122,14 @@ def geodetic_from_xyz(xyz: ArrayLike, ellipsoid: Ellipsoid = WGS84) -> tuple[flo
         If the point is not near the Earth's surface.
     """
     r = np.asarray(xyz, float)
-    lat, lon, h = (float(x) for x in ecef_to_geodetic(r, ellipsoid))
-    if not _DEEP <= h <= _HIGH:
+    distance = float(np.linalg.norm(r))
+    if not ellipsoid.params.b + _DEEP <= distance <= ellipsoid.a + _HIGH:
         raise SurveyError(
-            f"X, Y, Z = {', '.join(f'{x:.10g}' for x in r)} is {np.linalg.norm(r) / 1e3:.6g} km "
-            "from the Earth's center, not near its surface; they must be Earth-fixed, in meters"
+            f"X, Y, Z = {', '.join(f'{x:.10g}' for x in r)} is {distance / 1e3:.6g} km from the "
+            "Earth's center, not near its surface; they must be Earth-fixed, in meters"
         )
-    return lat, lon, h
+    lat, lon, h = ecef_to_geodetic(r, ellipsoid)
+    return float(lat), float(lon), float(h)
 
 
 def ned_sigmas(sigmas_xyz: ArrayLike, lat: float, lon: float) -> tuple[float, float, float]:

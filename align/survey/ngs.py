@@ -13,12 +13,17 @@ _FIRST = re.compile(r"1\s+NATIONAL GEODETIC SURVEY\b", re.IGNORECASE)
 _LINE = re.compile(r" ?(?P<pid>[A-Z]{2}\d{4})(?P<mark>[ *.;:_'])(?P<rest>.*)")
 _DATUM = r"(?P<datum>[A-Z]+ \d\d(?:\s?\([^)]*\))?)"
 _POSITION = re.compile(
-    rf"\s*{_DATUM}\s+POSITION\s*-\s*(?P<lat>\d+ +\d+ +[\d.]+) ?\((?P<ns>[NS])\)\s*"
-    r"(?P<lon>\d+ +\d+ +[\d.]+) ?\((?P<ew>[EW])\)\s*(?P<how>.*?)\s*"
+    rf"\s*{_DATUM}(?:\s+POSITION)?\s*-\s*(?P<lat>\d+ +\d+ +[\d.]+) *\((?P<ns>[NS])\)\s*"
+    r"(?P<lon>\d+ +\d+ +[\d.]+) *\((?P<ew>[EW])\)\s*(?P<how>.*?)\s*"
 )
-_ELLIPSOID = re.compile(rf"\s*{_DATUM}\s+ELLIP (?:HT|HEIGHT)\s*-\s*(?P<h>[+-]?[\d.]+)\s*\(m\w*\).*")
+_ELLIPSOID = re.compile(
+    rf"\s*(?:{_DATUM}\s+)?ELLIP (?:HT|HEIGHT)\s*-\s*(?P<h>[+-]?[\d.]+)\s*\(m\w*\).*"
+)
 _EPOCH = re.compile(rf"\s*{_DATUM}\s+EPOCH\s*-\s*(?P<year>\d{{4}}(?:\.\d*)?).*")
-_SEA = re.compile(r"\s*(?P<datum>[A-Z]+ ?\d\d) ORTHO HEIGHT\s*-\s*(?P<H>[+-]?[\d.]+)\s*\(m\w*\).*")
+_SEA = re.compile(
+    r"\s*(?P<datum>[A-Z]+ ?\d\d)(?: ORTHO HEIGHT)?\s*-\s*(?P<H>[+-]?[\d.]+)\s*"
+    r"\((?:m\w*|\+/-\s*2\s*cm)\).*"
+)
 _GEOID = re.compile(r"\s*GEOID HEIGHT\s*-\s*(?P<N>[+-]?[\d.]+)\s*\(m\w*\)\s*(?P<model>\S*).*")
 _NETWORK = re.compile(
     r"\s*NETWORK\s+[\d.]+\s+[\d.]+\s+(?P<n>[\d.]+)\s+(?P<e>[\d.]+)\s+(?P<u>[\d.]+)\s+.*"

@@ -5,12 +5,12 @@ from __future__ import annotations
 from align.survey.errors import SurveyError
 from align.survey.marks import Mark, geodetic_from_xyz
 
+_FIRST = "RINEX VERSION / TYPE"
 _END = "END OF HEADER"
 
 
 def is_rinex(text: str) -> bool:
-    first = text.split("\n", 1)[0]
-    return first[60:].strip() == "RINEX VERSION / TYPE"
+    return any(line[60:].strip() == _FIRST for line in text[:500].splitlines()[:3])  # or CRINEX
 
 
 def read_rinex(text: str, file: str) -> list[Mark]:
@@ -28,10 +28,8 @@ def read_rinex(text: str, file: str) -> list[Mark]:
     xyz: list[float] | None = None
     delta = [0.0, 0.0, 0.0]
     at = 0
-    for number, line in enumerate(text.splitlines(), 1):
+    for number, line in enumerate(text.partition(_END)[0].splitlines(), 1):
         label, content = line[60:].strip(), line[:60]
-        if label == _END:
-            break
         try:
             if label == "MARKER NAME":
                 name = content.strip()

@@ -47,6 +47,8 @@ def read_sinex(text: str, file: str) -> list[Mark]:
             try:
                 value, sigma = (float(line[a:b].replace("D", "E")) for a, b in ((47, 68), (69, 80)))
                 epochs[key] = _year(line[27:39])
+                if not 0.0 <= sigma < float("inf"):
+                    raise ValueError(sigma)
             except ValueError:
                 raise SurveyError(
                     "is no line of SOLUTION/ESTIMATE: epoch in columns 28 to 39, value in 48 to "

@@ -6,10 +6,9 @@ import csv
 import re
 
 from align.survey.errors import SurveyError
-from align.survey.fields import Field, grid_header, known_field, mark_from
+from align.survey.fields import ANGLES, TEXTS, Field, grid_header, known_field, mark_from
 from align.survey.marks import Mark
 
-_TEXT = ("name", "datum", "epoch", "height_kind", "latitude", "longitude")
 _DELIMITERS = ",;\t"
 _DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+")
 
@@ -81,7 +80,7 @@ def _check(line: str, fields: list[Field | None], file: str, number: int) -> Non
     names = [field.name for field in fields if field is not None]
     if twice := {name for name in names if names.count(name) > 1}:
         raise SurveyError(f"two columns hold the {min(twice)}", file=file, line=number)
-    if "name" not in names:
+    if not {"name", "id"} & set(names):
         raise SurveyError("there is no column name", file=file, line=number)
     if not ({"latitude", "longitude"} <= set(names) or {"x", "y", "z"} <= set(names)):
         grid = [cell for cell in re.split(f"[{_DELIMITERS}]", line) if grid_header(cell)]
@@ -96,7 +95,7 @@ def _check(line: str, fields: list[Field | None], file: str, number: int) -> Non
 def _value(field: Field, cell: str, delimiter: str, file: str, number: int) -> object:
     if delimiter != "," and _DECIMAL_COMMA.fullmatch(cell):
         cell = cell.replace(",", ".")
-    if field.name in _TEXT:
+    if field.name in TEXTS or field.name in ANGLES:
         return cell
     try:
         return float(cell) * field.unit

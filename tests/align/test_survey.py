@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from align.survey import parse_angle
+from align.survey import parse_angle, parse_latitude, parse_longitude, parse_turn
 from tests.align.at_rest import DEG
 
 LAT, LON = ("N", "S"), ("E", "W")
@@ -128,3 +128,49 @@ def test_what_is_not_one_angle_is_refused_with_the_reason(
         parse_angle(value, *letters)  # type: ignore[arg-type]  # wrong types on purpose
     assert reason in str(refusal.value)
     assert repr(value) in str(refusal.value)
+
+
+@pytest.mark.parametrize(
+    ("value", "degrees"),
+    [
+        (123.4567, 123.4567),
+        (-0.5, -0.5),
+        (360, 360.0),
+        ("123 27 24.1", 123.0 + 27.0 / 60.0 + 24.1 / 3600.0),
+        ("-0:30", -0.5),
+        ("201°30'", 201.5),
+        ("10d20m30s", 10.0 + 20.0 / 60.0 + 30.0 / 3600.0),
+    ],
+)
+def test_turns_are_clockwise_degrees(value: float | str, degrees: float) -> None:
+    assert parse_turn(value) == pytest.approx(degrees * DEG, rel=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("value", "reason"),
+    [
+        ("N 45 30 00 E", "has letters; write degrees clockwise from north"),
+        ("45 E", "has letters; write degrees clockwise from north"),
+        (361.0, "must be within ±360 degrees, got 361.0"),
+        (math.nan, "must be within ±360 degrees"),
+        ("north", "has letters"),
+        ("51,5", "is not an angle"),
+        (True, "is not an angle"),
+    ],
+)
+def test_what_is_no_turn_is_refused(value: float | str, reason: str) -> None:
+    with pytest.raises(ValueError, match=reason):
+        parse_turn(value)
+
+
+def test_places_off_the_globe_are_refused() -> None:
+    assert parse_latitude("90 S") == pytest.approx(-math.pi / 2.0, abs=TOL)
+    assert parse_longitude(-359.5) == pytest.approx(-359.5 * DEG, abs=2 * TOL)
+    with pytest.raises(ValueError, match=r"within ±90 degrees, got -114\.1; are .* swapped\?"):
+        parse_latitude(-114.1)
+    with pytest.raises(ValueError, match=r"ends in W, expected N or S; are .* swapped\?"):
+        parse_latitude("114 08 W")
+    with pytest.raises(ValueError, match=r"within ±90 degrees, got nan$"):
+        parse_latitude(math.nan)
+    with pytest.raises(ValueError, match=r"within ±360 degrees, got 361"):
+        parse_longitude(361)

@@ -8,12 +8,14 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from navgrade.config import parse_time_ns
 from navgrade.errors import ConfigError
 from navgrade.logs import ImuFields
-from navgrade.site import BaroSettings, Site, read_site
+from navgrade.site import BaroSettings, Site, place_of_imu, read_site
 from navgrade.vertical import CLASSICAL_GAINS, DEFAULT_GAINS, gains_from_time_constant
+from tests.align.naive import local_axes, sight, xyz
 
 DEG = math.pi / 180.0  # rad
 FULL = """\
@@ -436,3 +438,280 @@ def test_the_example_of_the_specification_is_accepted(tmp_path: Path) -> None:
     found: dict[str, Any] = {"site": site(tmp_path, FULL), "initial": site(tmp_path, INITIAL)}
     assert found["site"].place is not None
     assert found["initial"].initial is not None
+
+
+# ---- survey ------------------------------------------------------------------------------------
+
+MARKS = Path(__file__).parents[1] / "align" / "marks"
+PIER = (51 + 4 / 60 + 47.83270 / 3600) * DEG, -(114 + 8 / 60 + 1.36060 / 3600) * DEG, 1118.5
+TARGET = (51 + 4 / 60 + 57.10412 / 3600) * DEG, -(114 + 7 / 60 + 31.98425 / 3600) * DEG, 1121.25
+# rad, on the ellipsoid: the target's height would move it by 0.2 µrad, the sigma is 11 µrad
+LINE, _ = sight((*PIER[:2], 0.0), (*TARGET[:2], 0.0))
+SURVEYED = f"""\
+[site]
+marks = "{MARKS}/surveyor.csv"
+mark = "PIER 1"
+[azimuth]
+to = "AZ MK"
+"""
+STATED = """\
+[site]
+latitude = 51.08
+longitude = -114.13
+height_m = 1118.5
+[azimuth]
+deg = "63 23 00"
+sigma_arcsec = 36.0
+"""
+
+
+@pytest.mark.parametrize("file", ["surveyor.csv", "datasheet.txt", "solution.snx"])
+def test_a_surveyed_line_gives_place_and_heading(tmp_path: Path, file: str) -> None:
+    found = site(tmp_path, changed(SURVEYED, "surveyor.csv", file))
+    place = found.place
+    assert place is not None and place.heading is not None
+    assert xyz(place.lat, place.lon, place.h) == pytest.approx(xyz(*PIER), abs=2e-8)
+    assert place.heading.heading == pytest.approx(LINE, abs=1e-8)
+    # 5 mm at both ends of 640 m
+    assert place.heading.sigma == pytest.approx(math.sqrt(2.0) * 0.005 / 639.58, rel=1e-4)
+    assert found.marks == MARKS / file
+    assert "PIER 1" in found.survey[0] or "PIR1" in found.survey[0]
+    assert "639.583 m" in found.survey[1]
+    if file == "solution.snx":
+        assert found.survey_notes == ()
+    else:
+        (note,) = found.survey_notes
+        assert "in NAD 83(2011); the Earth model is WGS 84" in note
+        assert "differ by 1 to 2 m; nothing was corrected" in note
+
+
+def test_marks_stand_in_the_folder_of_the_site_file(tmp_path: Path) -> None:
+    (tmp_path / "marks.csv").write_bytes((MARKS / "surveyor.csv").read_bytes())
+    found = site(tmp_path, changed(SURVEYED, f"{MARKS}/surveyor.csv", "marks.csv"))
+    assert found.marks == tmp_path / "marks.csv"
+
+
+def test_the_mounting_follows_the_line_and_the_theodolite(tmp_path: Path) -> None:
+    more = 'turned_deg = "100 30 00"\nmounting_deg = -0.25\nmounting_sigma_deg = 0.01\n'
+    found = site(tmp_path, SURVEYED + more)
+    assert found.place is not None and found.place.heading is not None
+    assert found.place.heading.heading == pytest.approx(LINE + 100.25 * DEG, abs=1e-8)
+    assert found.place.heading.sigma == pytest.approx(
+        math.hypot(0.01 * DEG, math.sqrt(2.0) * 0.005 / 639.58), rel=1e-6
+    )
+    assert "turned +100.500000°, mounted at -0.250000° ± 0.01°" in found.survey[1]
+
+
+def test_a_sigma_given_stands_for_that_of_the_marks(tmp_path: Path) -> None:
+    found = site(tmp_path, SURVEYED + "sigma_arcsec = 1.8\n")
+    assert found.place is not None and found.place.heading is not None
+    assert found.place.heading.sigma == pytest.approx(0.0005 * DEG, rel=1e-12)
+
+
+def test_a_stated_azimuth(tmp_path: Path) -> None:
+    found = site(tmp_path, STATED)
+    assert found.place is not None and found.place.heading is not None
+    assert found.place.heading.heading == pytest.approx((63 + 23 / 60) * DEG, rel=1e-15)
+    assert found.place.heading.sigma == pytest.approx(0.01 * DEG, rel=1e-12)
+    assert found.survey == ("heading: geodetic azimuth 63.383333° ± 0.01°",)
+
+
+@pytest.mark.parametrize(
+    ("more", "turned_deg", "sigma_deg"),
+    [
+        # meridian 111 W: closed form of the sphere, good to 0.003 degrees here
+        ('kind = "grid"\ngrid = "UTM 12N"\n', -3.13 * math.sin(51.08 * DEG), 0.01),
+        (
+            'kind = "magnetic"\ndeclination_deg = 14.0\ndeclination_sigma_deg = 0.4\n',
+            14.0,
+            math.hypot(0.4, 0.01),
+        ),
+        (
+            'kind = "astronomic"\ndeflection_arcsec = [3.0, 7.2]\n',
+            -0.002 * math.tan(51.08 * DEG),
+            0.01,
+        ),
+        (
+            'kind = "astronomic"\ndeflection_arcsec = [36.0, 0.0]\nzenith_deg = 80.0\n',
+            -0.01 * math.sin(63.38 * DEG) / math.tan(80.0 * DEG),
+            0.01,
+        ),
+    ],
+)
+def test_azimuths_from_other_norths(
+    tmp_path: Path, more: str, turned_deg: float, sigma_deg: float
+) -> None:
+    found = site(tmp_path, STATED + more)
+    assert found.place is not None and found.place.heading is not None
+    off = found.place.heading.heading / DEG - (63 + 23 / 60)
+    assert off == pytest.approx(turned_deg, abs=0.003 if "grid" in more else 1e-6)
+    assert found.place.heading.sigma == pytest.approx(sigma_deg * DEG, rel=1e-9)
+
+
+def test_a_line_elsewhere_is_carried_to_the_site(tmp_path: Path) -> None:
+    """A kilometer east of the line's beginning its azimuth is larger by the convergence."""
+    east = 1000.0 / (6.39e6 * math.cos(PIER[0]))  # rad of longitude
+    text = SURVEYED.replace(
+        'mark = "PIER 1"',
+        f"latitude = {PIER[0] / DEG!r}\nlongitude = {(PIER[1] + east) / DEG!r}\nheight_m = 1e3",
+    )
+    found = site(tmp_path, text + 'from = "PIER 1"\n')
+    assert found.place is not None and found.place.heading is not None
+    assert found.place.heading.heading == pytest.approx(LINE + east * math.sin(PIER[0]), abs=1e-8)
+    assert "carried to the IMU by convergence" in found.survey[-1]
+
+
+ARM = [2.0, -3.0, 0.5]  # m
+
+
+@pytest.mark.parametrize(
+    ("key", "arm_ned"),
+    [("lever_arm_ned_m", ARM), ("lever_arm_enu_m", [-3.0, 2.0, -0.5])],
+)
+def test_a_local_lever_arm_leads_to_the_imu(tmp_path: Path, key: str, arm_ned: list[float]) -> None:
+    found = site(tmp_path, SURVEYED.replace("[azimuth]", f"{key} = {ARM}\n[azimuth]")).place
+    assert found is not None
+    north, east, up = local_axes(PIER[0], PIER[1])
+    wanted = xyz(*PIER) + arm_ned[0] * north + arm_ned[1] * east - arm_ned[2] * up
+    assert xyz(found.lat, found.lon, found.h) == pytest.approx(wanted, abs=2e-8)
+    assert found.lever_arm_b is None
+
+
+def test_a_lever_arm_in_body_axes_waits_for_the_attitude(tmp_path: Path) -> None:
+    found = site(tmp_path, SURVEYED.replace("[azimuth]", f"lever_arm_b_m = {ARM}\n[azimuth]")).place
+    assert found is not None
+    assert found.lever_arm_b == tuple(ARM)
+    assert xyz(found.lat, found.lon, found.h) == pytest.approx(xyz(*PIER), abs=2e-8)
+    attitude = Rotation.from_euler("ZYX", [200.0, -30.0, 170.0], degrees=True)
+    x, y, z, w = attitude.as_quat()
+    imu = place_of_imu(found, [w, x, y, z])
+    down_arm = attitude.apply(ARM)
+    north, east, up = local_axes(PIER[0], PIER[1])
+    wanted = xyz(*PIER) + down_arm[0] * north + down_arm[1] * east - down_arm[2] * up
+    assert xyz(imu.lat, imu.lon, imu.h) == pytest.approx(wanted, abs=2e-8)
+    assert imu.heading == found.heading
+    assert place_of_imu(imu, [1.0, 0.0, 0.0, 0.0]) == imu
+
+
+def test_a_place_may_be_x_y_z(tmp_path: Path) -> None:
+    text = f'[site]\nxyz_m = {xyz(*PIER).tolist()}\ndatum = "ETRS89"\n'
+    found = site(tmp_path, text)
+    assert found.place is not None
+    assert xyz(found.place.lat, found.place.lon, found.place.h) == pytest.approx(
+        xyz(*PIER), abs=2e-8
+    )
+    (note,) = found.survey_notes
+    assert "the site is in ETRS89" in note
+
+
+def test_heights_of_marks(tmp_path: Path) -> None:
+    (tmp_path / "sea.csv").write_text("name,lat,lon,orthometric_height\nA,51.08,-114.13,1135.25\n")
+    (tmp_path / "unsaid.csv").write_text("name,lat,lon,elevation\nA,51.08,-114.13,1135.25\n")
+    sea = '[site]\nmarks = "sea.csv"\nmark = "A"\n'
+    unsaid = '[site]\nmarks = "unsaid.csv"\nmark = "A"\n'
+    for text, h in (
+        (sea + "geoid_height_m = -16.75\n", 1118.5),
+        (sea + "height_m = 1118.5\n", 1118.5),
+        (unsaid + 'height_kind = "ellipsoidal"\n', 1135.25),
+        (unsaid + 'height_kind = "orthometric"\ngeoid_height_m = -16.75\n', 1118.5),
+    ):
+        place = site(tmp_path, text).place
+        assert place is not None
+        assert place.h == h
+    assert "only an orthometric height" in str(error(tmp_path, sea))
+    assert "nothing says above what" in str(error(tmp_path, unsaid))
+
+
+def test_the_window_may_be_left_to_the_alignment(tmp_path: Path) -> None:
+    text = changed(FULL, "start_s = 5.0\nduration_s = 300.0", 'method = "fine"\nfalse_alarm = 1e-4')
+    found = site(tmp_path, text)
+    assert found.window is None
+    assert (found.method, found.false_alarm) == ("fine", 1e-4)
+    alone = site(tmp_path, changed(FULL, "start_s = 5.0\n", "")).window
+    assert alone is not None
+    assert (alone.start, alone.duration) == (0.0, 300.0)
+
+
+WRONG_SURVEY = [
+    (SURVEYED, 'mark = "PIER 1"', 'mark = "PEER 1"', "site.mark", "the nearest name is PIER 1"),
+    (SURVEYED, f'marks = "{MARKS}/surveyor.csv"\n', "", "site.mark", "give it as marks in [site]"),
+    (SURVEYED, "surveyor.csv", "nowhere.csv", "site.marks", "no such file of marks"),
+    (SURVEYED, "surveyor.csv", "README.md", "site.marks", "is neither a table"),
+    (SURVEYED, "[azimuth]", "latitude = 3\n[azimuth]", "site.mark", "give it or latitude"),
+    (SURVEYED, "[azimuth]", "xyz_m = [1, 2, 3]\n[azimuth]", "site.mark", "give it or xyz_m"),
+    (SURVEYED, "[azimuth]", 'datum = "ITRF2014"\n[azimuth]', "site.datum", "says NAD 83(2011)"),
+    (SURVEYED, "[azimuth]", "geoid_height_m = 3\n[azimuth]", "site.mark", "nothing to belong to"),
+    (SURVEYED, "[azimuth]", "heading_deg = 3\n[azimuth]", "site.heading_deg", "or [azimuth]"),
+    (SURVEYED, "[azimuth]", "lever_arm_b_m = [1, 2]\n[azimuth]", "site.lever_arm_b_m", "3 finite"),
+    (SURVEYED, "[azimuth]",
+     "lever_arm_b_m = [1, 2, 3]\nlever_arm_ned_m = [1, 2, 3]\n[azimuth]", "site.lever_arm_ned_m",
+     "give it or lever_arm_b_m"),
+    (SURVEYED, 'to = "AZ MK"', 'to = "AZ"', "azimuth.to", "the nearest name is AZ MK"),
+    (SURVEYED, 'to = "AZ MK"', 'to = "PIER 1"', "azimuth.to", "at the same place"),
+    (SURVEYED, 'to = "AZ MK"', 'to = "AZ MK"\ndeg = 3', "azimuth.to", "one of them"),
+    (SURVEYED, 'to = "AZ MK"', "", "azimuth.to", "one of them"),
+    (SURVEYED, 'to = "AZ MK"', 'to = "AZ MK"\nkind = "grid"', "azimuth.kind", "is geodetic"),
+    (SURVEYED, '[site]\n', '[sites]\n', "sites", "nearest allowed key is site"),
+    (STATED, "[azimuth]", 'xyz_m = [1, 2, 3]\n[azimuth]', "site.xyz_m", "give it or latitude"),
+    (STATED, "[azimuth]", 'height_kind = "orthometric"\n[azimuth]', "site.height_kind", "a mark"),
+    (STATED, 'deg = "63 23 00"', 'to = "B"', "azimuth.to", "give it as marks in [site]"),
+    (SURVEYED, 'mark = "PIER 1"', "latitude = 51\nlongitude = -114\nheight_m = 0", "azimuth.from",
+     "is required, since the site is no mark"),
+    (STATED, '"63 23 00"', '"N 63 23 00 E"', "azimuth.deg", "has letters"),
+    (STATED, '"63 23 00"', "630", "azimuth.deg", "within ±360 degrees"),
+    (STATED, "sigma_arcsec = 36.0\n", "", "azimuth.sigma_deg", "is required (or sigma_arcsec)"),
+    (STATED, "sigma_arcsec", "sigma_deg = 1\nsigma_arcsec", "azimuth.sigma_deg", "not both"),
+    (STATED, "sigma_arcsec", 'kind = "true"\nsigma_arcsec', "azimuth.kind", "is not one of"),
+    (STATED, "sigma_arcsec", 'kind = "grid"\nsigma_arcsec', "azimuth.grid", "give its grid"),
+    (STATED, "sigma_arcsec", 'kind = "grid"\ngrid = "MTM 4"\nsigma_arcsec', "azimuth.grid",
+     "is not understood"),
+    (STATED, "sigma_arcsec", 'grid = "UTM 12N"\nsigma_arcsec', "azimuth.grid", 'kind = "grid"'),
+    (STATED, "sigma_arcsec", 'kind = "magnetic"\nsigma_arcsec', "azimuth.declination_deg",
+     "changes with place and year"),
+    (STATED, "sigma_arcsec", 'kind = "astronomic"\nsigma_arcsec', "azimuth.deflection_arcsec",
+     "Laplace"),
+    (STATED, "sigma_arcsec", "declination_sigma_deg = 1\nsigma_arcsec",
+     "azimuth.declination_sigma_deg", "belongs to"),
+    (STATED, "sigma_arcsec", "mounting_sigma_deg = -1\nsigma_arcsec", "azimuth.mounting_sigma_deg",
+     "at least 0"),
+    (STATED, "[site]\nlatitude = 51.08\nlongitude = -114.13\nheight_m = 1118.5\n", "", "site",
+     "[azimuth] needs the [site] it holds at"),
+    (STATED, "latitude = 51.08", "latitude = -114.13", "site.latitude", "swapped?"),
+    (FULL, "duration_s = 300.0", "duration_s = 300.0\nfalse_alarm = 1", "alignment.false_alarm",
+     "between 0 and 1"),
+    (FULL, "duration_s = 300.0", "duration_s = 300.0\nfalse_alarm = 0", "alignment.false_alarm",
+     "above 0"),
+    (FULL, "duration_s = 300.0", "duration_s = 300.0\nmethod = 3", "alignment.method", "text"),
+    (FULL, "duration_s = 300.0", "duration_s = 300.0\nmethods = 3", "alignment.methods", "method"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("text", "old", "new", "key", "fact"),
+    WRONG_SURVEY,
+    ids=[f"{case[3]}: {case[4]}" for case in WRONG_SURVEY],
+)
+def test_a_wrong_survey_names_its_key(
+    tmp_path: Path, text: str, old: str, new: str, key: str, fact: str
+) -> None:
+    caught = error(tmp_path, changed(text, old, new))
+    assert caught.key == key
+    assert fact in str(caught)
+
+
+def test_a_site_with_latitude_and_longitude_swapped_is_far_from_its_line(tmp_path: Path) -> None:
+    text = changed(SURVEYED, 'mark = "PIER 1"', "latitude = -51\nlongitude = 51\nheight_m = 0")
+    caught = error(tmp_path, text + 'from = "PIER 1"\n')
+    assert caught.key == "azimuth.from"
+    assert "100 km from the site; are latitude and longitude swapped?" in str(caught)
+
+
+def test_marks_too_close_name_the_sigma_there_would_be(tmp_path: Path) -> None:
+    (tmp_path / "close.csv").write_text(
+        "name,lat,lon,h,sigma\nA,51,-114,1,0.01\nB,51.0000005,-114,1,0.01\n"
+    )
+    text = '[site]\nmarks = "close.csv"\nmark = "A"\n[azimuth]\nto = "B"\n'
+    caught = error(tmp_path, text)
+    assert caught.key == "azimuth.to"
+    assert "0.0556 m apart" in str(caught)
+    assert "sigma of 14.6°" in str(caught)
