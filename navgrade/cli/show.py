@@ -66,7 +66,8 @@ def _angle(value: float, sigma: float) -> str:
 
 def _show_quality(r: Alignment) -> None:
     row("|f| - g", f"{r.specific_force_residual * 1e3:+.4f} mm/s²")
-    row("|ω| - Ω", f"{r.rate_residual / DEG_PER_H:+.4f} °/h")
+    if np.isfinite(r.rate_residual):
+        row("|ω| - Ω", f"{r.rate_residual / DEG_PER_H:+.4f} °/h")
     implied = r.implied_latitude
     row("implied latitude", f"{implied / DEG:.4f}°" if np.isfinite(implied) else "unknown")
     if differs(r.gyro_heading, r.heading):

@@ -71,6 +71,7 @@ def test_a_level_alone(capsys: pytest.CaptureFixture[str]) -> None:
     assert found["implied latitude"] == ["unknown"]
     assert not {
         "q_nb",
+        "|ω| - Ω",
         "scatter of tenths",
         "gyro bias",
         "estimated gyro bias",
