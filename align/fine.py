@@ -19,16 +19,17 @@ twice: the initial attitude is as good as unknown.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from align.accuracy import SensorErrors
 from align.errors import AlignmentError
-from align.kalman import consistency, predict, update
+from align.kalman import consistency, predict_in_place, room, update, update_in_place
 from align.result import Convergence, Innovations
 from align.static import KnownHeading
+from earth._jit import kernel
 from earth.ellipsoid import WGS84, Ellipsoid
 from earth.gravity import normal_gravity_n
 from earth.rates import omega_ie_n
@@ -39,7 +40,7 @@ Array = NDArray[np.float64]
 
 UNSTATED_GYRO_BIAS = 10.0 * DEG_PER_H  # rad/s: of the order of the Earth rate, north stays open
 UNSTATED_ACCEL_BIAS = 5.0 * MG  # m/s^2
-QUIET = 0.05  # micro-motion, where none is stated, over a span's sensor noise: 0.5 % of an S
+QUIET = 0.005  # micro-motion, where none is stated, over a span's sensor noise: not felt at all
 UNTOLD = 0.9  # posterior over prior sigma of a bias the data say nothing about
 
 _TILT = 0.1  # rad, initial sigma: only an accelerometer off by 100 mg tilts so much
@@ -47,10 +48,16 @@ _HEADING = np.pi / np.sqrt(3.0)  # rad, initial sigma: that of a heading uniform
 _LEAST_ARW = 1e-6 * DEG_PER_RTH  # rad/sqrt(s), of a perfect gyro
 _LEAST_VRW = 1e-3 * UG_PER_RTHZ  # (m/s)/sqrt(s), of a perfect accelerometer
 _BLOCKS = 16  # whose means show noise that is not stated
+_WHITE = 2.5  # variance of their means over that of white noise, either way: what chance does
 _CLOSE = 1e-6  # rad: a last step this small leaves its square, 1e-12
-_PASSES = 12
+_PASSES = 8
+_SETTLED = 0.01  # sigma: a last step this small is good enough where steps shrink slowly
+_SHAKEN = 1e-4  # rad: what the gyros' account of a disturbance may be wrong by
 _CURVE = 60  # points
 _LEVEL = 1e-6  # cosine of pitch below which a nose has no heading
+
+_NONE, _GAP, _TURNED = -1, 0, 1
+_BLOCK = 1024  # rows whose steps are in memory at once
 
 _A, _V, _BG, _BA, _TURN = (slice(i, i + 3) for i in range(0, 15, 3))
 _SIZE, _REPORTED = 15, 12
@@ -103,8 +110,11 @@ class _Rows:
     rate: Array
     force: Array
     still: NDArray[np.bool_]
-    gap: NDArray[np.bool_]  # before the row
+    restart: NDArray[np.int64]  # before the row: `_NONE`, `_GAP`, `_TURNED`
     t: Array
+
+    def __getitem__(self, part: slice) -> _Rows:
+        return _Rows(*(getattr(self, field.name)[part] for field in fields(self)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -168,7 +178,8 @@ def fine_align(
         `UNSTATED_ACCEL_BIAS`), a noise not stated as what the window shows.
     still : array_like of bool, shape (n,), optional
         False where the base is disturbed: there the gyros alone carry the attitude, which may
-        change; nothing is concluded from the accelerometers. All are still by default.
+        change, to 0.1 mrad; nothing is concluded from the accelerometers. All are still by
+        default.
     t : array_like, shape (n,), optional
         End of each span, s. Where they leave a gap, the base is taken not to have turned.
         By default the spans follow each other.
@@ -201,8 +212,9 @@ def fine_align(
     -----
     On a fixed base b_aN, b_aE and b_gE are not observable: they tilt and turn the attitude by
     b_a/g and b_gE/(omega_ie cos lat), as in every other method. What the filter adds is the
-    covariance with its correlations, the biases that do show (b_gN, b_gD, b_aD), the attitude
-    through disturbances, and innovations that tell whether to believe it.
+    covariance with its correlations, the biases that do show (b_gN, b_gD, b_aD; the last holds
+    what gravity departs from normal gravity, up to 1 mm/s^2), the attitude through disturbances,
+    and innovations that tell whether to believe it.
     """
     rows = _rows(dt, omega_ib_b, f_ib_b, still, t)
     model = _model(rows, errors or SensorErrors(), lat, h, heading, ellipsoid)
@@ -214,14 +226,18 @@ def fine_align(
     C_end = dcm_from_quat(np.asarray(q_nb, float))
     for _ in range(_PASSES):
         run = _filter(rows, model, _references(rows, model, C_end))
-        C_end = _turned(run.x[_A]) @ C_end
-        if np.linalg.norm(run.x[_A]) < _CLOSE:
-            return _solution(run, model, C_end)
-    raise AlignmentError(
-        f"fine alignment still moves by {np.linalg.norm(run.x[_A]) / DEG:.3g}° after {_PASSES} "
-        "passes: the coarse attitude is too far off, or the Earth rate and the latitude do not "
-        "fit; give a heading or a better coarse attitude"
-    )
+        step = run.x[_A]
+        C_end = _turned(step) @ C_end
+        if np.linalg.norm(step) < _CLOSE:
+            break
+    in_sigmas = np.max(np.abs(step) / np.sqrt(np.diag(run.P)[_A]))
+    if np.linalg.norm(step) >= _CLOSE and in_sigmas > _SETTLED:
+        raise AlignmentError(
+            f"fine alignment still turns by {np.linalg.norm(step) / DEG:.3g}°, {in_sigmas:.2g} "
+            f"sigma, after {_PASSES} passes: the coarse attitude is too far off, or the Earth rate "
+            "and the latitude do not fit; give a heading or a better coarse attitude"
+        )
+    return _solution(run, model, C_end)
 
 
 def _rows(
@@ -245,9 +261,10 @@ def _rows(
         raise ValueError(f"dt must be positive, row {int(np.argmin(dt > 0.0))} is not")
     if not mask.any():
         raise AlignmentError("no span is still: choose another window, or align a swaying base")
-    pause = np.diff(end) - dt[1:]
-    gap = np.concatenate(([False], pause > 0.5 * dt[1:]))
-    return _Rows(dt=dt, rate=rate, force=force, still=mask, gap=gap, t=end)
+    restart = np.full(n, _NONE)
+    restart[1:][(np.diff(end) - dt[1:] > 0.5 * dt[1:]) & mask[1:]] = _GAP
+    restart[1:][~mask[:-1] & mask[1:]] = _TURNED
+    return _Rows(dt=dt, rate=rate, force=force, still=mask, restart=restart, t=end)
 
 
 def _model(
@@ -288,19 +305,21 @@ def _noise(
     """White noise density of each axis, and noise of the integral at each end of a span."""
     if stated is not None:
         density = np.full(3, max(_positive(name, stated, "SI", least), least))
-        return density, QUIET * float(density[0]) * np.sqrt(span)
+        return density, float(QUIET * density[0] * np.sqrt(span))
     dt, kept = rows.dt[rows.still], values[rows.still]
     if len(dt) < 2 * _BLOCKS:
         raise AlignmentError(
             f"{len(dt)} still spans do not show the sensors' noise, it takes {2 * _BLOCKS}: state "
             f"{name}, or give more or shorter spans"
         )
+    integral = dt[:, None] * kept
+    scatter = 0.5 * np.mean(np.diff(integral, axis=0) ** 2, axis=0)  # density^2 span + 3 ends^2
     blocks = np.array_split(np.arange(len(dt)), _BLOCKS)
     means = np.array([dt[b] @ kept[b] / dt[b].sum() for b in blocks])
     white = 0.5 * np.mean(np.diff(means, axis=0) ** 2, axis=0) * dt.sum() / _BLOCKS
+    if scatter.sum() / _WHITE < white.sum() * span < scatter.sum() * _WHITE:
+        white = scatter / span  # the same, better known
     density = np.sqrt(np.maximum(white, least**2))
-    integral = dt[:, None] * kept
-    scatter = 0.5 * np.mean(np.diff(integral, axis=0) ** 2, axis=0)  # density^2 span + 3 ends^2
     at_ends = np.mean(scatter - density**2 * span) / 3.0
     quiet = QUIET**2 * np.mean(density**2) * span
     return density, float(np.sqrt(max(at_ends, quiet)))
@@ -355,47 +374,70 @@ def _steps(rows: _Rows, model: _Model, C: Array) -> tuple[Array, Array, Array]:
     )
 
 
-def _restarted(x: Array, P: Array, model: _Model, turned: bool) -> tuple[Array, Array]:
-    """Velocity and turn begin anew; unless the base has `turned`, its mean attitude is kept."""
-    anew = np.eye(_SIZE)
-    anew[_V, _V] = anew[_TURN, _TURN] = 0.0
-    start = np.zeros((_SIZE, 6))
-    start[_V, :3] = model.micro_motion * np.eye(3)
-    start[_TURN, 3:] = model.micro_turn * np.eye(3)
-    if not turned:
-        anew[_A, _TURN] = -np.eye(3)
-        start[_A, 3:] = model.micro_turn * np.eye(3)
-    return predict(x, P, anew, start @ start.T)
+def _restarts(model: _Model) -> tuple[Array, Array]:
+    """Transition and noise (2, 15, 15) that begin velocity and turn anew.
+
+    First for a base that kept its mean attitude, then for one that turned to another.
+    """
+    anew = np.tile(np.eye(_SIZE), (2, 1, 1))
+    anew[:, _V, _V] = anew[:, _TURN, _TURN] = 0.0
+    anew[0, _A, _TURN] = -np.eye(3)
+    start = np.zeros((2, _SIZE, 9))
+    start[:, _V, :3] = model.micro_motion * np.eye(3)
+    start[:, _TURN, 3:6] = start[0, _A, 3:6] = model.micro_turn * np.eye(3)
+    start[1, _A, 6:] = _SHAKEN * np.eye(3)
+    return anew, start @ start.transpose(0, 2, 1)
+
+
+@kernel
+def _run(x, P, still, restart, steps, noises, felt, anew, fresh, H, R, room, nis, found, variance):
+    """Filter rows, in place; return the row whose innovation has no covariance, or -1."""
+    at_rest = np.zeros(H.shape[0])
+    for k in range(still.shape[0]):
+        if restart[k] >= 0:
+            predict_in_place(x, P, anew[restart[k]], fresh[restart[k]], room)
+        predict_in_place(x, P, steps[k], noises[k], room)
+        for i in range(x.shape[0]):
+            x[i] += felt[k, i]
+        if still[k]:
+            failed, nis[k] = update_in_place(x, P, at_rest, H, R, room)
+            if failed >= 0:
+                return k
+        for i in range(3):
+            found[k, i] = x[i]
+            variance[k, i] = P[i, i]
+    return -1
 
 
 def _filter(rows: _Rows, model: _Model, C: Array) -> _Pass:
     """Run the filter about the reference attitudes `C`."""
+    anew, fresh = _restarts(model)
     sigma = np.zeros(_SIZE)
     sigma[_A] = _TILT, _TILT, _HEADING
     sigma[_BG], sigma[_BA] = model.gyro_bias, model.accel_bias
-    x, P = _restarted(np.zeros(_SIZE), np.diag(sigma**2), model, turned=True)
+    x, P = np.zeros(_SIZE), np.diag(sigma**2) + fresh[1]
     if model.heading is not None:
         x, P = _with_heading(x, P, C[0], model.heading)
     H = np.zeros((6, _SIZE))
     H[:3, _TURN] = H[3:, _V] = np.eye(3)
     R = np.diag(np.repeat([model.micro_turn**2, model.micro_motion**2], 3))
-    at_rest = np.zeros(6)
+    memory = room(_SIZE, 6)
 
-    steps, noises, felt = _steps(rows, model, C)
-    nis, found, variance, t = [], [], [], []
-    for k, is_still in enumerate(rows.still):
-        after_disturbance = k > 0 and not rows.still[k - 1]
-        if is_still and (rows.gap[k] or after_disturbance):
-            x, P = _restarted(x, P, model, turned=after_disturbance)
-        x, P = predict(x, P, steps[k], noises[k])
-        x = x + felt[k]
-        if is_still:
-            x, P, _, _, fit = update(x, P, at_rest, H, R)
-            nis.append(fit)
-            t.append(rows.t[k])
-            found.append(x[_A])
-            variance.append(np.diag(P)[_A])
-    return _Pass(x, P, np.array(t), np.array(nis), np.array(found), np.array(variance))
+    n = len(rows.dt)
+    nis, found, variance = np.empty(n), np.empty((n, 3)), np.empty((n, 3))
+    for first in range(0, n, _BLOCK):
+        part = slice(first, first + _BLOCK)
+        block = rows[part]
+        model_of_rows = (*_steps(block, model, C[part]), anew, fresh, H, R)
+        results = nis[part], found[part], variance[part]
+        failed = _run(x, P, block.still, block.restart, *model_of_rows, memory, *results)
+        if failed >= 0:
+            raise AlignmentError(
+                f"the innovation of span {first + failed} has no covariance: micro_motion or "
+                "micro_turn is too small beside the initial uncertainty; make it larger"
+            )
+    kept = rows.still
+    return _Pass(x, P, rows.t[kept], nis[kept], found[kept], variance[kept])
 
 
 def _with_heading(x: Array, P: Array, C: Array, known: KnownHeading) -> tuple[Array, Array]:

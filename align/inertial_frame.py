@@ -63,6 +63,14 @@ _CARRY = 14
 # |alpha|^2.
 _ONE, _ALPHA, _BETA, _CROSS, _GRAVITY, _SQUARE = 0, 1, 4, 7, 16, 25
 _MOMENTS = 26
+# Beyond the quadratic: the weight times the next two polynomials orthogonal under it, in powers 1
+# to 6 of v = t/T, with slopes of 1 at the ends; and the integrals that give them their variance by
+# white noise of gyros (per g^2 T^3) and accelerometers (per T).
+_POWERS = 6
+_BEYOND = np.array([[1.0, -10.0, 30.0, -35.0, 14.0, 0.0], [1.0, -15.0, 70.0, -140.0, 126.0, -42.0]])
+_BEYOND_ARW = np.array([1.0 / 6486480.0, 1.0 / 36756720.0])
+_BEYOND_VRW = np.array([1.0 / 120120.0, 1.0 / 360360.0])
+_SHOWS = 3.32  # mean square of four, in sigmas, that noise exceeds in one window of a hundred
 
 
 @formula
@@ -91,8 +99,8 @@ def _plus(total, lost, term):
 
 
 @kernel
-def _accumulate(g, rate, dts, phis, dvs, carry, sums, lost, row, marks):
-    """Add a block to the moments (2, 26); note time, attitude and moments at each mark."""
+def _accumulate(g, rate, dts, phis, dvs, carry, sums, lost, powers, row, marks):
+    """Add a block to the moments (2, 26) and to those of t^k (6, 6); note them at each mark."""
     t, lost_t = carry[0], carry[1]
     x, y, z = carry[2], carry[3], carry[4]
     lost_x, lost_y, lost_z = carry[5], carry[6], carry[7]
@@ -121,10 +129,13 @@ def _accumulate(g, rate, dts, phis, dvs, carry, sums, lost, row, marks):
                 row[_GRAVITY + 3 * i + j] = beta[i] * beta[j]
         row[_SQUARE] = x * x + y * y + z * z
         weight = dt
-        for j in range(2):
+        for j in range(_POWERS):
             weight *= t
-            for i in range(_MOMENTS):
-                sums[j, i], lost[j, i] = _plus(sums[j, i], lost[j, i], weight * row[i])
+            if j < 2:
+                for i in range(_MOMENTS):
+                    sums[j, i], lost[j, i] = _plus(sums[j, i], lost[j, i], weight * row[i])
+            for i in range(6):
+                powers[j, i] += weight * row[_ALPHA + i]
 
         if t >= next_mark and made < marks.shape[0]:
             marks[made, 0] = t
@@ -173,6 +184,12 @@ def _davenport(B: Array) -> tuple[Array, Array]:
     return dcm_from_quat(vectors[..., :, 3]), values
 
 
+def _lengths(P: Array, M: Array) -> tuple[Array, Array]:
+    """Return by how much the curvature (beyond the chord) and the chord are too long, relative."""
+    force = (P[:, 0, 0] + P[:, 2, 2]) / (M[:, 0, 0] + M[:, 2, 2]) - 1.0
+    return P[:, 1, 1] / M[:, 1, 1] - 1.0 - force, force
+
+
 def _fit(t: Array, sums: Array, rate: Array) -> _Fit:
     """Solve windows, shape (k,), from their moments, shape (k, 2, 26)."""
     m = t[:, None] * sums[:, 0] - sums[:, 1]
@@ -219,22 +236,16 @@ def _fit(t: Array, sums: Array, rate: Array) -> _Fit:
     )
 
 
-def _lengths(P: Array, M: Array) -> tuple[Array, Array]:
-    """Return by how much the curvature (beyond the chord) and the chord are too long, relative."""
-    force = (P[:, 0, 0] + P[:, 2, 2]) / (M[:, 0, 0] + M[:, 2, 2]) - 1.0
-    return P[:, 1, 1] / M[:, 1, 1] - 1.0 - force, force
-
-
-def _attitude(fit: _Fit, k: int, t: float, q_b0b: Array, rate: Array) -> Array:
-    """Return C_nb at `t`, the drift about north since the middle of the window taken back."""
-    since = t - 0.5 * fit.t[k]
-    drift = np.array([fit.north[k] * rate[0] * since, 0.0, 0.0])
-    C: Array = _turns(-drift) @ _turns(-since * rate) @ fit.C_mb0[k] @ dcm_from_quat(q_b0b)
+def _attitudes(fit: _Fit, t: Array, q_b0b: Array, rate: Array) -> Array:
+    """Return C_nb (k, 3, 3) at `t`, the drift about north since mid-window taken back."""
+    since = (t - 0.5 * fit.t)[:, None]
+    drift = since * fit.north[:, None] * np.array([rate[0], 0.0, 0.0])
+    C: Array = _turns(-drift) @ _turns(-since * rate) @ fit.C_mb0 @ dcm_from_quat(q_b0b)
     return C
 
 
-class _Sigmas(NamedTuple):
-    """Variances of one kind of error, rad^2: of each tilt, of azimuth, and how they go together."""
+class _Variances(NamedTuple):
+    """Of one kind of error, rad^2: each tilt, azimuth, and how they go together."""
 
     source: str
     tilt: Array
@@ -244,37 +255,65 @@ class _Sigmas(NamedTuple):
 
 
 def _variances(
-    t: Array, errors: SensorErrors, lat: float, g: float, omega: float
-) -> tuple[_Sigmas, ...]:
+    t: Array, errors: SensorErrors, swing: float, lat: float, g: float, omega: float
+) -> tuple[_Variances, ...]:
     """Closed forms for windows of `t` seconds; what is not stated counts as zero.
 
-    With v = s/T, q = v (1 - v): a rate of tilt is found from tilts with the weights
-    k = -140 d(q^3)/dv, hence from gyro noise at v with 140 q^3; the tilt at the end with
-    30 q^2 + k/2. The factors are integrals of squares and products of these.
+    With v = t/T, q = v (1 - v), the rate of tilt is found from tilts with the weights
+    k = -140 d(q^3)/dv, hence from gyro noise with 140 q^3; the tilt at the end with 30 q^2 + k/2.
+    The factors are integrals of squares and products of these. A velocity that swings counts by
+    the slopes of the weights on it at the ends alone, 840 and 840, 360 and 480; `swing` is its
+    root mean square over the square of its angular frequency, m s.
     """
-    level = omega * np.cos(lat)
-    ba, bg, arw, vrw = (
-        (x or 0.0) ** 2 for x in (errors.accel_bias, errors.gyro_bias, errors.arw, errors.vrw)
+    level, tan, none = omega * np.cos(lat), np.tan(lat), np.zeros_like(t)
+    bg, ba, arw, vrw = (
+        (x or 0.0) ** 2 for x in (errors.gyro_bias, errors.accel_bias, errors.arw, errors.vrw)
     )
-    ba, vrw, tan, none = ba / g**2, vrw / g**2, np.tan(lat), np.zeros_like(t)
+    ba, vrw, motion = ba / g**2, vrw / g**2, (swing / g) ** 2 / t**6
     return (
-        _Sigmas("accelerometer bias", none + ba, none + tan**2 * ba, none - tan * ba, none),
-        _Sigmas(
+        _Variances("accelerometer bias", none + ba, none + tan**2 * ba, none - tan * ba, none),
+        _Variances(
             "accelerometer noise",
             600.0 / 77.0 * vrw / t,
             280.0 / 11.0 * vrw / (t**3 * level**2),
             none,
             140.0 / 11.0 * vrw / (t**2 * level),
         ),
-        _Sigmas("gyro bias", none, none + bg / level**2, none, none),
-        _Sigmas(
+        _Variances("gyro bias", none, none + bg / level**2, none, none),
+        _Variances(
             "gyro noise",
             300.0 / 1001.0 * arw * t,
             700.0 / 429.0 * arw / (t * level**2),
             none,
-            271.0 / 858.0 * arw / level + none,
+            none + 271.0 / 858.0 * arw / level,
+        ),
+        _Variances(
+            "motion of the base",
+            (360.0**2 + 480.0**2) * motion,
+            2.0 * 840.0**2 * motion / (t * level) ** 2,
+            none,
+            840.0 * (360.0 + 480.0) * motion / (t * level),
         ),
     )
+
+
+def _swing(fit: _Fit, powers: Array, errors: SensorErrors, g: float, rate: Array) -> float:
+    """Return what the base's velocity shows beyond the noise, rms over its frequency squared, m s.
+
+    A velocity that swings leaks into the polynomials beyond the quadratic by the slopes of their
+    weights at the ends, as into the quadratic itself.
+    """
+    T, C = float(fit.t[-1]), fit.C_mb0[-1]
+    per_power = _BEYOND / T ** np.arange(2, _POWERS + 2)
+    beta = powers[:, 3:] @ _turns(-0.5 * T * rate).T
+    beyond = per_power @ (powers[:, :3] @ C.T - (1.0 + fit.force[-1]) * beta)[:, :2]
+    arw, vrw = ((x or 0.0) ** 2 for x in (errors.arw, errors.vrw))
+    noise = g**2 * T**3 * arw * _BEYOND_ARW + T * vrw * _BEYOND_VRW
+    squares = np.mean(beyond**2, axis=1)
+    if np.all(noise > 0.0) and np.mean(squares / noise) < _SHOWS:
+        return 0.0
+    # of the two ends, T^2 of the normalised time
+    return float(T**2 * np.sqrt(0.5 * max(np.mean(squares - noise), 0.0)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -366,7 +405,7 @@ class InertialFrame:
         self._carry = np.zeros(_CARRY)
         self._carry[8], self._carry[12] = 1.0, _FIRST
         self._sums, self._lost = np.zeros((2, 2, _MOMENTS))
-        self._row = np.empty(_MOMENTS)
+        self._powers, self._row = np.zeros((_POWERS, 6)), np.empty(_MOMENTS)
         self._marks = np.empty((_MARKS, 5 + 2 * _MOMENTS))
 
     def add(self, dt: ArrayLike, phi: ArrayLike, dv: ArrayLike) -> None:
@@ -396,6 +435,7 @@ class InertialFrame:
             self._carry,
             self._sums,
             self._lost,
+            self._powers,
             self._row,
             self._marks,
         )
@@ -431,17 +471,17 @@ class InertialFrame:
                 "vertical, not 9.8: gravity has been removed from this stream or it is not in "
                 "m/s²; give the raw IMU in SI units"
             )
-        parts = _variances(t, errors or self._errors, self._lat, g, self._omega)
+        errors = errors or self._errors
+        swing = _swing(fit, self._powers, errors, g, self._rate)
+        parts = _variances(t, errors, swing, self._lat, g, self._omega)
         tilt, azimuth, north_down, east_down = (
-            sum(getattr(part, name) for part in parts) for name in _Sigmas._fields[1:]
+            sum(getattr(part, name) for part in parts) for name in _Variances._fields[1:]
         )
-        C_nb = _attitude(fit, -1, end, q_b0b[-1], self._rate)
-        off = [
-            _attitude(fit, k, t[k], q, self._rate) @ _attitude(fit, -1, t[k], q, self._rate).T
-            for k, q in enumerate(q_b0b)
-        ]
+        C_nb = _attitudes(fit, t, q_b0b, self._rate)
+        last = _Fit(*(x[-1:] for x in fit))
+        off = C_nb @ np.swapaxes(_attitudes(last, t, q_b0b, self._rate), 1, 2)
         return InertialSolution(
-            q_nb=quat_from_dcm(C_nb),
+            q_nb=quat_from_dcm(C_nb[-1]),
             P_n=np.array(
                 [
                     [tilt[-1], 0.0, north_down[-1]],
@@ -454,7 +494,7 @@ class InertialFrame:
                 for x in parts
             ),
             convergence=Convergence(
-                t, rotvec_from_quat(quat_from_dcm(np.array(off))), np.sqrt(tilt), np.sqrt(azimuth)
+                t, rotvec_from_quat(quat_from_dcm(off)), np.sqrt(tilt), np.sqrt(azimuth)
             ),
             gap=float(fit.gap[-1]),
             velocity_rms=float(fit.velocity[-1]),

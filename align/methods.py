@@ -77,12 +77,12 @@ def align_fine(
         dt[kept], omega_ib_b[kept], f_ib_b[kept], lat, h, errors or SensorErrors(), ellipsoid
     )
     used = known_heading if coarse.method not in BY_GYROS else None
-    grown = np.sqrt(window.duration)
+    stated = errors or SensorErrors()
     assumed = SensorErrors(
         gyro_bias=max(window.rate_bias, _LEAST_BIAS * ellipsoid.omega),
         accel_bias=max(window.force_bias, _LEAST_BIAS * window.g),
-        arw=window.rate_noise.sigma * grown or None,
-        vrw=window.force_noise.sigma * grown or None,
+        arw=None if window.rate_noise.exceeds else stated.arw,
+        vrw=None if window.force_noise.exceeds else stated.vrw,
     )
     found = fine_align(
         dt,
@@ -250,7 +250,8 @@ def align_together(
     lat, h : float
         Geodetic latitude (rad) and ellipsoidal height (m) from the survey.
     errors : SensorErrors, optional
-        See `align.multi_position.align_positions`.
+        See `align.multi_position.align_positions`; a bias not stated is taken from the residuals
+        of the single positions.
     ellipsoid : Ellipsoid
 
     Returns
@@ -265,6 +266,11 @@ def align_together(
     """
     errors = errors or SensorErrors()
     windows = [examine(*rows, lat, h, errors, ellipsoid) for rows in means]
+    errors = replace(
+        errors,
+        gyro_bias=max(window.rate_bias for window in windows),
+        accel_bias=max(window.force_bias for window in windows),
+    )
     found = align_positions(
         [
             Position(

@@ -31,9 +31,9 @@ _UNTOLD = 0.5  # of a bias's prior variance left: the data tell less than was st
 _OWN_AXIS = 0.9  # share of an axis in what is untold that makes it that axis
 _SHARE = 0.5  # of a variance that comes from one bias
 _NUISANCES = 7  # three gyro biases, three accelerometer biases, the gravity disturbance
-_STEPS = 50
+_STEPS = 200
 _FRACTIONS = 0.5 ** np.arange(12)  # of a step that may overshoot
-_SETTLED = 1e-6  # sigmas: the step after this one is lost in rounding
+_SETTLED = 1e-5  # sigmas: far below what the solution is worth
 
 
 @dataclass(frozen=True, eq=False)

@@ -57,6 +57,7 @@ SWAY_SPAN = 30.0  # s: two to three periods of a ship or of a car in gusts
 SWAY_LAG = 3  # s: about half a period of sway, where angles differ most
 SWAY_SHARE = 0.5  # of the changes of force that tilt must leave unexplained at most
 SWAY_TURN = 10.0 * DEG  # from one extreme to the other
+HEAVE = 0.05  # m/s^2: scatter of |f|; a berthed ship or a parked car stays below, a drive above
 
 Array = NDArray[np.float64]
 Integers = NDArray[np.int64]
@@ -408,12 +409,23 @@ def _sways(spans: Spans) -> Mask:
     windows = windows - windows.mean(-1, keepdims=True)
     size, rest = np.median(np.linalg.norm(windows, axis=2), axis=-1)
     extent = np.ptp(sliding_window_view(angle, n + lag, axis=0), axis=-1).max(-1)
-    good = (rest < SWAY_SHARE * size) & (extent < SWAY_TURN)
+    heave = sliding_window_view(np.linalg.norm(f, axis=1), n + lag).std(-1)
+    good = (rest < SWAY_SHARE * size) & (extent < SWAY_TURN) & (heave < HEAVE)
     over = np.convolve(good, np.ones(n + lag))
     all_ = np.convolve(np.ones(len(good)), np.ones(n + lag))
     sways = over > 0.5 * all_
     inner: Mask = binary_erosion(sways, np.ones(2 * lag + 1), border_value=1)[group]
     return inner
+
+
+def _smooth_variance(means: Array, between: Mask) -> Array:
+    """Variance within spans of the cubic that has the means of five; 0 where there are not five."""
+    variance = np.zeros(means.shape)
+    a, b, c, d, e = (means[i : len(means) - 4 + i] for i in range(5))
+    slope = 41.0 / 60.0 * (d - b) - 11.0 / 120.0 * (e - a)  # best line's, over one span
+    five = sliding_window_view(between, 4).all(-1)[:, None]
+    variance[2:-2] = np.where(five, slope**2 / 12.0 + (b - 2.0 * c + d) ** 2 / 720.0, 0.0)
+    return variance
 
 
 def _stretch(
@@ -429,12 +441,10 @@ def _stretch(
     scatter = [float(np.sqrt(np.sum(np.var(means[:, i : i + 3], axis=0)))) for i in (0, 3)]
     if motion == "still" and not Stillness(force=scatter[1], rate=scatter[0]).is_still:
         return None
-    # A steady change of rate or force within a span is motion, not noise
     between = np.diff(rows) == 1
-    both = between[1:] & between[:-1]
-    slope = np.zeros(values.shape)
-    slope[1:-1][both] = 0.5 * (values[2:] - values[:-2])[both]
-    variance = np.hstack([part.omega_var, part.f_var]) - slope**2 / 12.0
+    variance = np.hstack([part.omega_var, part.f_var])
+    if len(rows) > 4:
+        variance = variance - _smooth_variance(values, between)
     density = np.mean(variance * (part.dt / part.count)[:, None], axis=0)
     white = np.sqrt(np.maximum(density, 0.0))
     follow = np.diff(np.unique(second)) == 1

@@ -138,6 +138,8 @@ def analytic_coarse(
         return triad(up, axis, f, omega)
     if variant == "rate-first":
         return triad(axis, up, omega, f)
+    g, rate = np.linalg.norm(up), np.linalg.norm(axis)
+    up, axis, f, omega = up / g, axis / rate, f / g, omega / rate
     rows_n = np.stack([up, axis, np.cross(up, axis)])
     rows_b = np.stack([f, omega, np.cross(f, omega)])
     left, _, right = np.linalg.svd(np.linalg.solve(rows_n, rows_b))

@@ -267,6 +267,17 @@ def conclude(
     return Alignment(**(report | more))
 
 
+def white_noise(dt: Array, omega_ib_b: Array, f_ib_b: Array) -> tuple[float, float]:
+    """Random walks, rad/sqrt(s) and (m/s)/sqrt(s), that the tenths of a still window show."""
+    duration = float(dt.sum())
+    noises = [
+        _noise(None, span_means(dt, values, duration / SUB_WINDOWS), duration)
+        for values in (omega_ib_b, f_ib_b)
+    ]
+    arw, vrw = (noise.sigma * float(np.sqrt(duration)) for noise in noises)
+    return arw, vrw
+
+
 def compass(heading: float) -> float:
     """The same direction in [0, 2 pi)."""
     wrapped = heading % (2.0 * np.pi)

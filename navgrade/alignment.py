@@ -23,11 +23,12 @@ from align import (
 from align.checks import check_units_at_rest
 from align.spans import SpanReducer, Spans, natural_length
 from align.stillness import StillReport, Stretch, assess, find_still
+from align.window import white_noise
 from earth.units import DEG, DEG_PER_H, DEG_PER_RTH, UG, UG_PER_RTHZ
 from navgrade import reconstruction as body
 from navgrade.errors import ConfigError
 from navgrade.gaps import Gap, without_gaps
-from navgrade.imu import ImuSamples, concatenate
+from navgrade.imu import ImuSamples
 from navgrade.logs import ImuLog
 from navgrade.reconstruction import reconstruct, to_increments
 from navgrade.site import Place, Site, Window, place_of_imu
@@ -238,9 +239,7 @@ def _part(log: ImuLog, site: Site, lat: float, progress: Progress | None) -> _Pa
             f"{last:.3f} s; change alignment.start_s and duration_s"
         )
     if reducer is None:
-        raise AlignmentError(
-            f"the alignment window from {start:g} s to {stop:g} s has no samples"
-        )
+        raise AlignmentError(f"the alignment window from {start:g} s to {stop:g} s has no samples")
     missing = window.duration - covered
     if site.window is not None and missing > max(3.0 * nominal, _LEFT_OUT * window.duration):
         raise AlignmentError(
@@ -271,7 +270,7 @@ def _best(part: _Part, site: Site, place: Place, leave_rest: bool) -> int | None
         if not leave_rest or stretch.stop < part.last - _EDGE or site.window is not None
     ]
     if candidates:
-        return min(candidates, key=lambda i: stretches[i].arw ** 2 / stretches[i].duration)
+        return min(candidates, key=lambda i: _rms(stretches[i].arw) ** 2 / stretches[i].duration)
     if site.window is not None:
         return None
     check_units(part.head, place.lat)
@@ -282,7 +281,7 @@ def _best(part: _Part, site: Site, place: Place, leave_rest: bool) -> int | None
             "alignment.start_s and duration_s, or give [initial]"
         )
     raise AlignmentError(
-        f"no stretch of the log is still for {_DETECTABLE:g} s; give [initial] instead of "
+        "no stretch of the log is still for 10 s; give [initial] instead of "
         "[alignment], or a log with a stop"
     )
 
@@ -296,14 +295,16 @@ def _aligned(
     means = _means(part.spans[rows])
     sways = stretch is not None and stretch.motion == "swaying"
     if method == "inertial" or (sways and method == "auto"):
+        errors, warnings = _measured(site.errors, stretch, means)
         result = align_swaying(
             _increments(part.log, start, stop),
             place.lat,
             place.h,
-            errors=_measured(site.errors, stretch),
+            errors=errors,
             stillness=assess(*means),
             reason="the base sways, and no mean stands still" if sways else "as chosen",
         )
+        result = replace(result, warnings=(*warnings, *result.warnings))
     elif method == "fine":
         inside = (part.spans.end > start + _EDGE) & (part.spans.start < stop - _EDGE)
         whole = part.spans[inside]
@@ -334,15 +335,26 @@ def _means(spans: Spans) -> tuple[Array, Array, Array]:
     return spans.dt, spans.omega_ib_b, spans.f_ib_b
 
 
-def _measured(errors: SensorErrors, stretch: Stretch | None) -> SensorErrors:
-    """The stated errors, and the noise the stretch shows where none is stated."""
-    if stretch is None:
-        return errors
-    return replace(
-        errors,
-        arw=stretch.arw if errors.arw is None else errors.arw,
-        vrw=stretch.vrw if errors.vrw is None else errors.vrw,
-    )
+def _measured(
+    errors: SensorErrors, stretch: Stretch | None, means: tuple[Array, Array, Array]
+) -> tuple[SensorErrors, tuple[str, ...]]:
+    """The stated errors, and the noise the data show where none is stated; a warning about it."""
+    if errors.arw is not None and errors.vrw is not None:
+        return errors, ()
+    arw, vrw = white_noise(*means)
+    warnings: tuple[str, ...] = ()
+    if stretch is not None and stretch.motion == "swaying":
+        arw = min(_rms(stretch.arw), _rms(stretch.arw_1s))
+        vrw = min(_rms(stretch.vrw), _rms(stretch.vrw_1s))
+        warnings = (
+            "noise of the sensors is not stated, and on a base that sways its motion counts as "
+            "noise: the sigmas are upper bounds; state imu.errors.arw_deg_rth and vrw_ug_rthz",
+        )
+    return replace(errors, arw=errors.arw or arw, vrw=errors.vrw or vrw), warnings
+
+
+def _rms(values: Array) -> float:
+    return float(np.sqrt(np.mean(np.square(values))))
 
 
 def _increments(log: ImuLog, start: float, stop: float) -> Iterator[tuple[Array, Array, Array]]:
@@ -506,8 +518,8 @@ def alignment_report(aligned: AlignedWindow, *, curve: bool = False) -> dict[str
                 "motion": stretch.motion,
                 "force_scatter_m_s2": stretch.force_scatter,
                 "rate_scatter_deg_s": stretch.rate_scatter / DEG,
-                "arw_deg_rth": stretch.arw / DEG_PER_RTH,
-                "vrw_ug_rthz": stretch.vrw / UG_PER_RTHZ,
+                "arw_deg_rth": _rms(stretch.arw) / DEG_PER_RTH,
+                "vrw_ug_rthz": _rms(stretch.vrw) / UG_PER_RTHZ,
                 "used": i == aligned.chosen,
             }
             for i, stretch in enumerate(aligned.still.stretches)

@@ -6,13 +6,12 @@ import difflib
 import math
 import re
 import tomllib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from datetime import UTC, date, datetime
 from pathlib import Path
 from typing import Any, TypeVar
 
-from align.survey import parse_angle
-from earth.units import DEG
+from align.survey import parse_latitude, parse_longitude, parse_turn
 from navgrade.errors import ConfigError
 
 _Choice = TypeVar("_Choice", bound=str)
@@ -212,23 +211,25 @@ class Table:
             raise self.error(key, str(error)) from None
 
     def latitude(self) -> float:
-        return self._angle("latitude", "N", "S", 90.0)
+        return self._angle("latitude", parse_latitude)
 
     def longitude(self) -> float:
-        return self._angle("longitude", "E", "W", 360.0)
+        return self._angle("longitude", parse_longitude)
 
-    def _angle(self, key: str, positive: str, negative: str, limit_deg: float) -> float:
+    def turn(self, key: str) -> float:
+        """An angle clockwise, rad, of degrees or degrees, minutes, seconds; 0 where there is none.
+
+        See `align.survey.parse_turn`.
+        """
+        return self._angle(key, parse_turn) if key in self else 0.0
+
+    def _angle(self, key: str, parse: Callable[[Any], float]) -> float:
         if key not in self:
             raise self.error(key, "is required")
         try:
-            angle = parse_angle(self.values[key], positive, negative)
+            return parse(self.values[key])
         except ValueError as error:
             raise self.error(key, str(error)) from None
-        if not abs(angle) <= limit_deg * DEG:
-            raise self.error(
-                key, f"must be within ±{limit_deg:g} degrees, got {self.values[key]!r}"
-            )
-        return angle
 
     def height(self) -> float:
         ellipsoidal = "height_m" in self

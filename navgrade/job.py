@@ -8,7 +8,6 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -147,7 +146,8 @@ def starting_state(log: ImuLog, site: Site) -> tuple[NavState, AlignedWindow | N
     aligned = align_log(log, site, leave_rest=True)
     if aligned.state is None:
         raise ConfigError(
-            "navigation needs a heading, and method level finds none", file=site.file,
+            "navigation needs a heading, and method level finds none",
+            file=site.file,
             key="alignment.method",
         )
     return aligned.state, aligned

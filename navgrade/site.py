@@ -2,14 +2,30 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from align import KnownHeading, SensorErrors
-from earth.rotation import quat_from_euler
-from earth.units import DEG, DEG_PER_H, DEG_PER_RTH, UG, UG_PER_RTHZ
+from align.survey import (
+    KINDS,
+    HeightKind,
+    Mark,
+    SurveyError,
+    azimuth_between,
+    choose,
+    displaced,
+    geodetic_from_xyz,
+    read_marks,
+    site_warning,
+    stated_azimuth,
+)
+from earth.rotation import dcm_from_quat, quat_from_euler
+from earth.units import ARCSEC, DEG, DEG_PER_H, DEG_PER_RTH, UG, UG_PER_RTHZ
 from navgrade.config import Table, read_toml
 from navgrade.errors import ConfigError
 from navgrade.imu import DV_FRAMES, DvFrame
@@ -27,10 +43,11 @@ from navgrade.vertical import (
     gains_from_time_constant,
 )
 
+_FAR = 100e3 / 6.4e6  # rad: no line of sight, nor any that is carried on from it
 DEFAULT_HEADING_SIGMA = 1.0 * DEG  # of a known heading whose sigma nobody states
 
 KEYS: dict[str, tuple[str, ...]] = {
-    "": ("imu", "site", "alignment", "initial", "mechanization", "baro"),
+    "": ("imu", "site", "azimuth", "alignment", "initial", "mechanization", "baro"),
     "imu": (
         "topic",
         "accel_topic",
@@ -51,10 +68,34 @@ KEYS: dict[str, tuple[str, ...]] = {
         "height_m",
         "orthometric_height_m",
         "geoid_height_m",
+        "height_kind",
+        "xyz_m",
+        "marks",
+        "mark",
+        "datum",
+        "lever_arm_b_m",
+        "lever_arm_ned_m",
+        "lever_arm_enu_m",
         "heading_deg",
         "heading_sigma_deg",
     ),
-    "alignment": ("start_s", "duration_s"),
+    "azimuth": (
+        "from",
+        "to",
+        "deg",
+        "sigma_deg",
+        "sigma_arcsec",
+        "kind",
+        "grid",
+        "declination_deg",
+        "declination_sigma_deg",
+        "deflection_arcsec",
+        "zenith_deg",
+        "turned_deg",
+        "mounting_deg",
+        "mounting_sigma_deg",
+    ),
+    "alignment": ("method", "start_s", "duration_s", "false_alarm"),
     "initial": (
         "time",
         "time_ns",
@@ -73,12 +114,17 @@ KEYS: dict[str, tuple[str, ...]] = {
 
 @dataclass(frozen=True)
 class Place:
-    """Where the IMU stood: rad, rad, m above the ellipsoid; and its heading where known."""
+    """Where the IMU stood: rad, rad, m above the ellipsoid; and its heading where known.
+
+    With a lever arm in body axes (m, forward-right-down, from the mark to the IMU) it is the mark's
+    place; `place_of_imu` goes on to the IMU's once the attitude is known.
+    """
 
     lat: float
     lon: float
     h: float
     heading: KnownHeading | None = None
+    lever_arm_b: tuple[float, float, float] | None = None
 
 
 @dataclass(frozen=True)
@@ -136,7 +182,17 @@ class Site:
         Of compensated velocity increments: resolved in b at the start or the end of the interval.
     errors : SensorErrors
     place, window : Place, Window or None
-        Both, or `initial` instead.
+        Place, or `initial` instead; without a window the alignment finds the best still stretch.
+    method : str or None
+        Of the alignment.
+    false_alarm : float or None
+        Of the search for still stretches: probability that a still one is taken for disturbed.
+    marks : Path or None
+        The surveyor's file; in the site file relative to its folder.
+    survey : tuple of str
+        How place and heading came about.
+    survey_notes : tuple of str
+        Warnings: what has to be said of frames, heights and marks.
     initial : Initial or None
     reconstruction, frame, vertical, gravity : str or None
     disturbance : Path or None
@@ -159,6 +215,11 @@ class Site:
     place: Place | None = None
     window: Window | None = None
     initial: Initial | None = None
+    method: str | None = None
+    false_alarm: float | None = None
+    marks: Path | None = None
+    survey: tuple[str, ...] = ()
+    survey_notes: tuple[str, ...] = ()
     reconstruction: str | None = None
     frame: str | None = None
     vertical: str | None = None
@@ -181,19 +242,25 @@ def read_site(path: str | Path) -> Site:
     imu, mechanization = tables["imu"], tables["mechanization"]
     disturbance = mechanization.text("disturbance")
     place = window = initial = None
+    survey = _Survey()
+    alignment = tables["alignment"]
     if "initial" in root:
         if "site" in root or "alignment" in root:
             raise root.error("initial", "stands instead of [site] and [alignment], not beside them")
         initial = _initial(tables["initial"])
     elif "site" in root:
-        place = _place(tables["site"])
-    if "alignment" in root:
-        if place is None:
-            raise root.error("site", "[alignment] needs the [site] it happens at")
-        alignment = tables["alignment"]
+        survey = _survey(tables["site"], path.parent)
+        place = _place(tables["site"], tables["azimuth"], "azimuth" in root, survey)
+    for key, what in (("alignment", "happens"), ("azimuth", "holds")):
+        if key in root and place is None:
+            raise root.error("site", f"[{key}] needs the [site] it {what} at")
+    if "start_s" in alignment or "duration_s" in alignment:
         window = Window(
             alignment.number("start_s", 0.0, least=0.0), alignment.number("duration_s", least=2.0)
         )
+    false_alarm = alignment.optional("false_alarm", above=0.0)
+    if false_alarm is not None and false_alarm >= 1.0:
+        raise alignment.error("false_alarm", f"must be between 0 and 1, got {false_alarm!r}")
     return Site(
         file=root.file,
         text=text,
@@ -210,6 +277,11 @@ def read_site(path: str | Path) -> Site:
         place=place,
         window=window,
         initial=initial,
+        method=alignment.text("method"),
+        false_alarm=false_alarm,
+        marks=survey.file,
+        survey=tuple(survey.said),
+        survey_notes=tuple(dict.fromkeys(survey.warnings)),
         reconstruction=mechanization.text("reconstruction"),
         frame=mechanization.text("frame"),
         vertical=mechanization.text("vertical"),
@@ -244,15 +316,11 @@ def _fields(imu: Table) -> ImuFields | None:
 
 
 def _errors(table: Table) -> SensorErrors:
-    def scaled(key: str, unit: float) -> float | None:
-        value = table.positive(key)
-        return None if value is None else value * unit
-
     return SensorErrors(
-        gyro_bias=scaled("gyro_bias_deg_h", DEG_PER_H),
-        accel_bias=scaled("accel_bias_ug", UG),
-        arw=scaled("arw_deg_rth", DEG_PER_RTH),
-        vrw=scaled("vrw_ug_rthz", UG_PER_RTHZ),
+        gyro_bias=_scaled(table.positive("gyro_bias_deg_h"), DEG_PER_H),
+        accel_bias=_scaled(table.positive("accel_bias_ug"), UG),
+        arw=_scaled(table.positive("arw_deg_rth"), DEG_PER_RTH),
+        vrw=_scaled(table.positive("vrw_ug_rthz"), UG_PER_RTHZ),
     )
 
 
@@ -280,17 +348,189 @@ def _baro(table: Table) -> BaroSettings:
     )
 
 
-def _place(table: Table) -> Place:
-    heading = None
-    if "heading_deg" in table:
-        sigma = table.positive("heading_sigma_deg")
+def place_of_imu(place: Place, q_nb: ArrayLike) -> Place:
+    """The IMU's own place, over the lever arm in body axes, at attitude `q_nb`."""
+    if place.lever_arm_b is None:
+        return place
+    arm_n = dcm_from_quat(q_nb) @ np.array(place.lever_arm_b)
+    return Place(*displaced(place.lat, place.lon, place.h, arm_n), place.heading)
+
+
+@dataclass
+class _Survey:
+    """What the surveyor handed over, and what came of it so far."""
+
+    file: Path | None = None
+    marks: list[Mark] = field(default_factory=list)
+    mark: Mark | None = None  # of the site
+    said: list[str] = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list)
+
+
+@contextmanager
+def _refusing(table: Table, key: str) -> Iterator[None]:
+    """What survey data refuse, as an error of a key."""
+    try:
+        yield
+    except SurveyError as error:
+        raise table.error(key, str(error)) from None
+
+
+def _survey(site: Table, folder: Path) -> _Survey:
+    """The marks, and the one the site names."""
+    survey = _Survey()
+    if (name := site.text("marks")) is not None:
+        survey.file = folder / name
+        with _refusing(site, "marks"):
+            survey.marks = read_marks(survey.file)
+    if (name := site.text("mark")) is not None:
+        survey.mark = _mark(site, "mark", name, survey)
+    return survey
+
+
+def _mark(table: Table, key: str, name: str, survey: _Survey) -> Mark:
+    if survey.file is None:
+        raise table.error(key, "is a mark of a file; give it as marks in [site]")
+    with _refusing(table, key):
+        return choose(survey.marks, name)
+
+
+def _place(site: Table, azimuth: Table, surveyed: bool, survey: _Survey) -> Place:
+    """Place and heading; what the survey says of them goes into `survey`."""
+    for one, other in (("mark", "xyz_m"), ("mark", "latitude"), ("xyz_m", "latitude")):
+        if one in site and other in site:
+            raise site.error(one, f"give it or {other}, not both")
+    datum = site.text("datum")
+    if survey.mark is not None:
+        mark = survey.mark
+        if datum is not None and mark.frame not in (None, datum):
+            raise site.error("datum", f"the file of mark {mark.name} says {mark.frame}")
+        frame = mark.frame or datum
+        lat, lon, h = mark.lat, mark.lon, _height(site, mark)
+        what = f"mark {mark.name} ({mark.source})"
+        survey.warnings += [f"{mark.name}: {note}" for note in mark.notes]
+        epoch = "" if mark.epoch is None else f" at epoch {mark.epoch:.1f}"
+        survey.said.append(f"place: {what} in {frame or 'a frame not named'}{epoch}")
+    else:
+        frame, what = datum, "the site"
+        if "height_kind" in site:
+            raise site.error("height_kind", "is for the height of a mark")
+        if "xyz_m" in site:
+            with _refusing(site, "xyz_m"):
+                lat, lon, h = geodetic_from_xyz(site.numbers("xyz_m", 3))
+        else:
+            lat, lon, h = site.latitude(), site.longitude(), site.height()
+    if (warning := site_warning(what, frame)) is not None:
+        survey.warnings.append(warning)
+    arms = [key for key in site.values if key.startswith("lever_arm_")]
+    if len(arms) > 1:
+        raise site.error(arms[1], f"give it or {arms[0]}, not both")
+    if "lever_arm_ned_m" in site:
+        lat, lon, h = displaced(lat, lon, h, site.numbers("lever_arm_ned_m", 3), "NED")
+    elif "lever_arm_enu_m" in site:
+        lat, lon, h = displaced(lat, lon, h, site.numbers("lever_arm_enu_m", 3), "ENU")
+    place = Place(lat, lon, h)
+    if "lever_arm_b_m" in site:
+        x, y, z = site.numbers("lever_arm_b_m", 3)
+        place = replace(place, lever_arm_b=(x, y, z))
+    if "heading_deg" in site:
+        if surveyed:
+            raise site.error("heading_deg", "give it or [azimuth], not both")
+        sigma = site.positive("heading_sigma_deg")
         heading = KnownHeading(
-            table.number("heading_deg") * DEG,
+            site.number("heading_deg") * DEG,
             DEFAULT_HEADING_SIGMA if sigma is None else sigma * DEG,
         )
-    elif "heading_sigma_deg" in table:
-        raise table.error("heading_sigma_deg", "has no heading_deg to belong to")
-    return Place(table.latitude(), table.longitude(), table.height(), heading)
+        return replace(place, heading=heading)
+    if "heading_sigma_deg" in site:
+        raise site.error("heading_sigma_deg", "has no heading_deg to belong to")
+    if surveyed:
+        return replace(place, heading=_heading(azimuth, place, survey))
+    return place
+
+
+def _height(site: Table, mark: Mark) -> float:
+    kinds: tuple[HeightKind, ...] = ("ellipsoidal", "orthometric")
+    kind = site.choice("height_kind", kinds)
+    if "height_m" in site or "orthometric_height_m" in site:
+        return site.height()
+    with _refusing(site, "mark"):
+        return mark.height(site.optional("geoid_height_m"), kind)
+
+
+# which keys an azimuth of each kind has for itself
+_OF_KIND = {
+    "grid": ("grid",),
+    "magnetic": ("declination_deg", "declination_sigma_deg"),
+    "astronomic": ("deflection_arcsec", "zenith_deg"),
+}
+
+
+def _heading(table: Table, place: Place, survey: _Survey) -> KnownHeading:
+    """Heading of the IMU by the surveyed line and the mounting angle."""
+    kind = table.choice("kind", KINDS) or "geodetic"
+    for other, keys in _OF_KIND.items():
+        for key in keys:
+            if key in table and kind != other:
+                raise table.error(key, f'belongs to kind = "{other}"')
+    if ("to" in table) == ("deg" in table):
+        raise table.error(
+            "to", "give the mark the line goes to, or its azimuth as deg, one of them"
+        )
+    start = survey.mark
+    if (name := table.text("from")) is not None:
+        start = _mark(table, "from", name, survey)
+    sigma = _azimuth_sigma(table)
+    here = (place.lat, place.lon) if start is None else (start.lat, start.lon)
+    if (name := table.text("to")) is not None:
+        if kind != "geodetic":
+            raise table.error("kind", "an azimuth between marks is geodetic")
+        end = _mark(table, "to", name, survey)
+        if start is None:
+            raise table.error("from", "is required, since the site is no mark")
+        with _refusing(table, "to"):
+            azimuth = azimuth_between(start, end, sigma=sigma)
+    else:
+        if sigma is None:
+            raise table.error("sigma_deg", "is required (or sigma_arcsec): how well deg is known")
+        with _refusing(table, _OF_KIND.get(kind, ("deg",))[0]):
+            azimuth = stated_azimuth(
+                table.turn("deg"),
+                sigma,
+                kind,
+                *here,
+                grid=table.text("grid"),
+                declination=_scaled(table.optional("declination_deg"), DEG),
+                declination_sigma=_scaled(table.positive("declination_sigma_deg"), DEG),
+                deflection=[x * ARCSEC for x in table.numbers("deflection_arcsec", 2)]
+                if "deflection_arcsec" in table
+                else None,
+                zenith=_scaled(table.optional("zenith_deg", above=0.0), DEG),
+            )
+    if "turned_deg" in table:
+        azimuth = azimuth.turned(table.turn("turned_deg"))
+    if max(abs(here[0] - place.lat), abs(np.sin(here[1] - place.lon)) * np.cos(here[0])) > _FAR:
+        raise table.error(
+            "from", "is more than 100 km from the site; are latitude and longitude swapped?"
+        )
+    azimuth = azimuth.carried(here, (place.lat, place.lon))
+    mounting, mounting_sigma = table.turn("mounting_deg"), table.positive("mounting_sigma_deg")
+    if "mounting_deg" in table or mounting_sigma is not None:
+        azimuth = azimuth.turned(mounting, (mounting_sigma or 0.0) * DEG, "mounted at")
+    survey.said.append(f"heading: {azimuth.provenance}")
+    survey.warnings += azimuth.warnings
+    return azimuth.heading
+
+
+def _azimuth_sigma(table: Table) -> float | None:
+    if "sigma_deg" in table and "sigma_arcsec" in table:
+        raise table.error("sigma_deg", "give it or sigma_arcsec, not both")
+    arcsec = _scaled(table.positive("sigma_arcsec"), ARCSEC)
+    return _scaled(table.positive("sigma_deg"), DEG) if arcsec is None else arcsec
+
+
+def _scaled(value: float | None, unit: float) -> float | None:
+    return None if value is None else value * unit
 
 
 def _initial(table: Table) -> Initial:

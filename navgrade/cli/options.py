@@ -11,12 +11,14 @@ import click
 F = TypeVar("F", bound=Callable[..., Any])
 
 
-def _path_or_url(context: click.Context, parameter: click.Parameter, value: str) -> str | Path:
+def path_or_url(context: click.Context, parameter: click.Parameter, value: Any) -> Any:
     """Keep a URL as it is: a path would lose one of its slashes."""
+    if isinstance(value, tuple):
+        return tuple(path_or_url(context, parameter, each) for each in value)
     return value if "://" in value else Path(value)
 
 
-log_argument = click.argument("log", metavar="LOG.mcap", callback=_path_or_url)
+log_argument = click.argument("log", metavar="LOG.mcap", callback=path_or_url)
 
 _SITE = click.option(
     "-c",

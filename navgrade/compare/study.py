@@ -16,6 +16,7 @@ from earth.geodetic import radii
 from earth.gravity import normal_gravity_n
 from earth.rates import omega_en_n
 from earth.rotation import quat_rotate
+from navgrade.alignment import AlignedWindow
 from navgrade.compare.growth import Level, Response, fit_power, superposed, turned
 from navgrade.compare.result import Axis, Comparison, Group, Growth, Variant
 from navgrade.compare.sampling import Difference, States, at_times, difference, in_plane
@@ -23,7 +24,7 @@ from navgrade.compare.verdict import verdict
 from navgrade.errors import ConfigError, LogError
 from navgrade.gaps import Gap, without_gaps
 from navgrade.imu import ImuSamples, concatenate
-from navgrade.job import AlignedWindow, Choices, setting, starting_state
+from navgrade.job import Choices, setting, starting_state
 from navgrade.logs import ImuLog, Track
 from navgrade.mechanization.terms import SPHERE
 from navgrade.navigation import BLOCK, TERMS, concatenated, solve

@@ -11,7 +11,8 @@ from pathlib import Path
 import numpy as np
 
 from navgrade import ImuSamples, NavState, navigate, read_imu
-from navgrade.job import Choices, align_log, open_log
+from navgrade.alignment import align_log
+from navgrade.job import Choices, open_log
 from navgrade.logs import read_heights
 from navgrade.site import read_site
 from navgrade.vertical import BaroLoop

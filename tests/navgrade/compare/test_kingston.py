@@ -12,9 +12,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from navgrade import NavState, read_imu
+from navgrade.alignment import align_log
 from navgrade.compare.result import Comparison
 from navgrade.compare.study import compare
-from navgrade.job import Choices, align_log, open_log
+from navgrade.job import Choices, open_log
 from navgrade.logs import read_track_csv
 from navgrade.site import read_site
 from tests.navgrade.real_drive import LOG, SITE

@@ -1,7 +1,8 @@
-"""What a surveyor hands over."""
+"""Angles as surveyors write them."""
 
 from __future__ import annotations
 
+import math
 import re
 
 from earth.units import DEG
@@ -58,7 +59,10 @@ def parse_angle(value: float | int | str, positive: str, negative: str) -> float
     if len(letters) > 1 or (letters and match["sign"]):
         raise ValueError(f"{value!r} gives its sign twice")
     if letters and letters[0] not in (positive, negative):
-        raise ValueError(f"{value!r} ends in {letters[0]}, expected {positive} or {negative}")
+        raise ValueError(
+            f"{value!r} ends in {letters[0]}, expected {positive} or {negative}; are latitude and "
+            "longitude swapped?"
+        )
     for part, finer in ("dm", "ms"):
         if match[finer] and "." in match[part]:
             raise ValueError(f"{value!r} has decimals before its last part")
@@ -67,3 +71,53 @@ def parse_angle(value: float | int | str, positive: str, negative: str) -> float
         raise ValueError(f"{value!r} has minutes or seconds of 60 or more")
     sign = -1.0 if match["sign"] == "-" or letters == [negative] else 1.0
     return sign * (degrees + minutes / 60.0 + seconds / 3600.0) * DEG
+
+
+def parse_latitude(value: float | int | str) -> float:
+    """Read a latitude, rad, north positive; see `parse_angle`.
+
+    Raises
+    ------
+    ValueError
+        Also beyond ±90 degrees.
+    """
+    lat = parse_angle(value, "N", "S")
+    if not abs(lat) <= 90.0 * DEG:
+        swapped = "; are latitude and longitude swapped?" if math.isfinite(lat) else ""
+        raise ValueError(f"must be within ±90 degrees, got {value!r}{swapped}")
+    return lat
+
+
+def parse_longitude(value: float | int | str) -> float:
+    """Read a longitude, rad, east positive; see `parse_angle`.
+
+    Raises
+    ------
+    ValueError
+        Also beyond ±360 degrees.
+    """
+    lon = parse_angle(value, "E", "W")
+    if not abs(lon) <= 360.0 * DEG:
+        raise ValueError(f"must be within ±360 degrees, got {value!r}")
+    return lon
+
+
+def parse_turn(value: float | int | str) -> float:
+    """Read an azimuth or a turned angle, rad, clockwise positive.
+
+    Parameters
+    ----------
+    value : float or str
+        Degrees, or text without letters: ``123.4567``, ``123 27 24.1``, ``-0:30``.
+
+    Raises
+    ------
+    ValueError
+        If it is no angle, is beyond ±360 degrees, or is a bearing such as ``N 45 30 E``.
+    """
+    if isinstance(value, str) and re.search("[NSEW]", re.sub(r"\d\s*s\s*$", "", value), re.I):
+        raise ValueError(f"{value!r} has letters; write degrees clockwise from north, 0 to 360")
+    turn = parse_angle(value, "E", "W")
+    if not abs(turn) <= 360.0 * DEG:
+        raise ValueError(f"must be within ±360 degrees, got {value!r}")
+    return turn
