@@ -105,6 +105,21 @@ def test_names_and_words_from_outside_are_text(written: Written) -> None:
     assert "i" not in {t for t, _ in page.tags}
 
 
+def test_no_word_of_the_result_is_markup(tmp_path: Path) -> None:
+    odd = "<u>&amp;</u></script>"
+    r = alignment()
+    budget = tuple(replace(line, source=odd) for line in r.budget)
+    texts = {"method": odd, "reason": odd, "verdict": odd}
+    result = replace(r, budget=budget, warnings=(odd,), unobservable=(odd,), **texts)  # type: ignore[arg-type]
+    page, figures = page_of(aligned(result=result), tmp_path)
+    assert "u" not in {tag for tag, _ in page.tags}
+    assert len(page.scripts) == 3
+    assert "<u>" not in page.source
+    assert page.text.count(odd) == 11  # the method stands thrice, four sources once
+    assert "&lt;u&gt;" in figures["budget"]["layout"]["yaxis"]["ticktext"][0]
+    assert "<td>&lt; 1 %</td>" in page.source
+
+
 def test_the_attitude_reads_to_its_sigma(written: Written) -> None:
     page, _ = written
     for name, angle, sigma in (
