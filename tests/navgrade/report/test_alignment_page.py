@@ -201,10 +201,12 @@ def test_convergence_stands_beside_theory(written: Written) -> None:
     for axis, name in enumerate(("north", "east", "down")):
         y = np.array(drawn[name]["y"], float)
         np.testing.assert_allclose(y[:-1], np.abs(c.off[:-1, axis]), rtol=DRAWN)
-        assert np.isnan(y[-1])  # the final one is off by nothing
+        assert np.isnan(y[-1])  # the final one is off by rounding alone
     np.testing.assert_allclose(drawn["tilt"]["y"], c.tilt_sigma, rtol=DRAWN)
     np.testing.assert_allclose(drawn["azimuth"]["y"], c.azimuth_sigma, rtol=DRAWN)
     np.testing.assert_allclose(drawn["down"]["x"], c.t, rtol=DRAWN)
+    low, high = figures["convergence"]["layout"]["yaxis"]["range"]  # log rad
+    assert np.log10(np.abs(c.off[:-1]).min()) - 1.0 < low < high < np.log10(0.1)
     for side in ("xaxis", "yaxis"):
         assert figures["convergence"]["layout"][side]["type"] == "log"
     assert "azimuth, theory 1σ" in page.text
