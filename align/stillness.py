@@ -41,6 +41,7 @@ RATE_LIMIT = 0.05 * DEG  # rad/s: the same car shows 0.016 deg/s, its drive 0.3 
 LARGEST = 2.0  # limits a single mean may leave its surroundings by
 FLOOR = 1e-7, 1e-11  # m/s^2, rad/s: scatter below this is rounding, not noise
 NOISE_SPAN = 120.0  # s on both sides tell the noise level, which an engine changes
+GROUP_SPAN = 4.0  # s of spans averaged before medians are taken
 LEVEL_SPAN = 8.0  # s on both sides tell the level a mean is held against
 NORMAL = 1.4826  # standard deviation over the median distance, of a normal distribution
 PASSES = 6  # of levels from what the pass before kept
@@ -128,8 +129,8 @@ class Stretch:
     force_scatter, rate_scatter : float
         Scatter of one-second means, root sum square over the axes, m/s^2 and rad/s.
     arw, vrw : ndarray, shape (3,)
-        Density of white noise from the scatter within spans, rad/sqrt(s) and (m/s)/sqrt(s). Of
-        swaying bodies an upper bound: the motion within a span is in it.
+        Density of white noise from the scatter within spans, rad/sqrt(s) and (m/s)/sqrt(s);
+        vibration is in it, sway is not.
     arw_1s, vrw_1s : ndarray, shape (3,)
         The same from the differences of consecutive one-second means (Allan deviation at 1 s):
         larger than `arw` for smoothed samples and motion, smaller for pulses and vibration.
@@ -280,9 +281,23 @@ def _local(values: Array, keep: Mask, half: int) -> Array:
             if 4 * rows.sum() >= len(rows) or reach > total:
                 break
             reach *= 2
-        medians[k] = np.median(values[near][rows] if rows.any() else values[near], axis=0)
+        medians[k] = np.median(values[near][rows], axis=0)
     at = np.arange(total)
     return np.stack([np.interp(at, centers, column) for column in medians.T], axis=-1)
+
+
+def _local_power(squares: Array, keep: Mask, half: int, size: int, dof: float) -> Array:
+    """Local means of chi-square variables of `dof`, as medians of the means of `size` kept rows.
+
+    The median of single rows would be 0 where few pulses come, as of quantized increments.
+    """
+    kept = np.flatnonzero(keep)
+    size = min(size, len(kept))
+    groups = kept[: len(kept) - len(kept) % size].reshape(-1, size)
+    means = squares[groups].mean(1) / (1.0 - 2.0 / (9.0 * size * dof)) ** 3
+    spread = median_filter(means, (2 * (half // size) + 1, 1), mode="reflect")
+    at, centers = np.arange(len(squares)), groups.mean(1)
+    return np.stack([np.interp(at, centers, column) for column in spread.T], axis=-1)
 
 
 def _normal(ratio: Array, dof: Array | float) -> Array:
@@ -305,18 +320,19 @@ def _detect(spans: Spans, standing: Mask, false_alarm: float) -> tuple[Mask, Mas
     mean = np.hstack([spans.omega_ib_b, spans.f_ib_b])
     floor = np.repeat(FLOOR, 3)
     dof = np.maximum(spans.count - 1, 1)[:, None]
-    per_dof = (1.0 - 2.0 / (9.0 * dof)) ** 3  # median of chi-square over its degrees of freedom
     weight = np.sqrt(spans.dt / spans.length)[:, None]
+    group = _rows(spans, GROUP_SPAN)
     noise_rows, level_rows = _rows(spans, NOISE_SPAN), _rows(spans, LEVEL_SPAN)
     limit, weak = norm.isf(0.5 * false_alarm), norm.isf(WEAK)
+    usual = float(np.median(dof))
     bridge, guard = _rows(spans, BRIDGE), int(np.ceil(GUARD / spans.length - 1e-6))
     quiet = standing
     for _ in range(PASSES):
-        sigma2 = np.maximum(_local(variance / per_dof, quiet, noise_rows), floor**2)
+        sigma2 = np.maximum(_local_power(variance, quiet, noise_rows, group, usual), floor**2)
         energy = _normal(np.mean(variance / sigma2, axis=1), variance.shape[1] * dof[:, 0])
-        off = weight * np.abs(mean - _local(mean, quiet, level_rows))
-        sigma = np.maximum(NORMAL * _local(off, quiet, noise_rows), floor)
-        distance = _normal(np.mean((off / sigma) ** 2, axis=1), 6.0)
+        off2 = weight**2 * (mean - _local(mean, quiet, level_rows)) ** 2
+        spread2 = np.maximum(_local_power(off2, quiet, noise_rows, group, 1.0), floor**2)
+        distance = _normal(np.mean(off2 / spread2, axis=1), 6.0)
         z = np.maximum(_standardize(energy, quiet), _standardize(distance, quiet))
         alarms = z > limit
         moved = ~standing | binary_propagation(alarms, mask=alarms | (z > weak))
@@ -406,7 +422,7 @@ def _sways(spans: Spans) -> Mask:
     if n < 2:
         return none
     windows = sliding_window_view(np.stack([change, change - tilt]), n, axis=1)
-    windows = windows - windows.mean(-1, keepdims=True)
+    windows = windows - np.median(windows, axis=-1, keepdims=True)
     size, rest = np.median(np.linalg.norm(windows, axis=2), axis=-1)
     extent = np.ptp(sliding_window_view(angle, n + lag, axis=0), axis=-1).max(-1)
     heave = sliding_window_view(np.linalg.norm(f, axis=1), n + lag).std(-1)
@@ -418,14 +434,27 @@ def _sways(spans: Spans) -> Mask:
     return inner
 
 
-def _smooth_variance(means: Array, between: Mask) -> Array:
-    """Variance within spans of the cubic that has the means of five; 0 where there are not five."""
-    variance = np.zeros(means.shape)
-    a, b, c, d, e = (means[i : len(means) - 4 + i] for i in range(5))
-    slope = 41.0 / 60.0 * (d - b) - 11.0 / 120.0 * (e - a)  # best line's, over one span
-    five = sliding_window_view(between, 4).all(-1)[:, None]
-    variance[2:-2] = np.where(five, slope**2 / 12.0 + (b - 2.0 * c + d) ** 2 / 720.0, 0.0)
-    return variance
+def _white(part: Spans, means: Array, follow: Mask) -> Array:
+    """Densities of white noise, (6,), from the scatter within spans.
+
+    What a smooth motion scatters within a span, the cubic that has the means of the five spans
+    around tells. It is taken off, and the quarter of the spans where it is least is used.
+    """
+    variance = np.hstack([part.omega_var, part.f_var])
+    dt = np.repeat((part.dt / part.count)[:, None], 6, axis=1)
+    smooth = np.zeros_like(variance)
+    if len(follow) > 3 and (inner := np.flatnonzero(sliding_window_view(follow, 4).all(-1))).size:
+        a, b, c, d, e = (means[inner + i] for i in range(5))
+        slope = 41.0 / 60.0 * (d - b) - 11.0 / 120.0 * (e - a)  # of the best line, over a span
+        smooth = slope**2 / 12.0 + (b - 2.0 * c + d) ** 2 / 720.0
+        smooth *= 1.0 + 1.0 / part.count[inner + 2, None]
+        least = np.argsort(smooth, axis=0)[: -(-len(inner) // 4)]
+        columns = variance[inner + 2], dt[inner + 2], smooth
+        variance, dt, smooth = (np.take_along_axis(x, least, axis=0) for x in columns)
+    motion = np.mean(smooth * dt, axis=0)  # known to a thousandth: the least that can be left
+    rest = np.maximum(np.mean(variance * dt, axis=0) - motion, 1e-3 * motion)
+    density: Array = np.sqrt(rest)
+    return density
 
 
 def _stretch(
@@ -441,12 +470,8 @@ def _stretch(
     scatter = [float(np.sqrt(np.sum(np.var(means[:, i : i + 3], axis=0)))) for i in (0, 3)]
     if motion == "still" and not Stillness(force=scatter[1], rate=scatter[0]).is_still:
         return None
-    between = np.diff(rows) == 1
-    variance = np.hstack([part.omega_var, part.f_var])
-    if len(rows) > 4:
-        variance = variance - _smooth_variance(values, between)
-    density = np.mean(variance * (part.dt / part.count)[:, None], axis=0)
-    white = np.sqrt(np.maximum(density, 0.0))
+    between: Mask = np.diff(rows) == 1
+    white = _white(part, values, between)
     follow = np.diff(np.unique(second)) == 1
     differences = np.diff(means, axis=0)[follow]
     length = _rows(spans, SPAN) * spans.length
