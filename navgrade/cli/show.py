@@ -114,7 +114,7 @@ def _show_still(aligned: AlignedWindow) -> None:
             f"{s.start:.1f} s to {s.stop:.1f} s, kept {s.duration:.1f} s, cut {s.cut:.1f} s{used}",
         )
     if len(order) > _STRETCHES:
-        row("", f"and {len(order) - _STRETCHES} shorter ones")
+        row("", f"and {len(order) - _STRETCHES} shorter")
 
 
 def show_summary(summary: RunSummary) -> None:

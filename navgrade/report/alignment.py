@@ -91,9 +91,9 @@ def _page(aligned: AlignedWindow, log_name: str, site_name: str, lat: float) -> 
 <p>Attitude by {escape(r.method)}, from {_span(aligned)}</p>
 </header>
 <div class="verdict">
-<p>{unbroken(r.verdict)}</p>
+<p>{_sentence(r.verdict)}</p>
 </div>
-<p class="lead">Method <b>{escape(r.method)}</b>: {unbroken(r.reason.rstrip("."))}.</p>""",
+<p class="lead">Method <b>{escape(r.method)}</b>: {unbroken(r.reason)}.</p>""",
         _listed("Warnings", r.warnings, "warnings"),
         "<noscript><p>The plots need JavaScript; the tables do not.</p></noscript>",
         _section(
@@ -124,6 +124,11 @@ def _page(aligned: AlignedWindow, log_name: str, site_name: str, lat: float) -> 
         _section("Where this comes from", "", _provenance(aligned, log_name, site_name, lat)),
     ]
     return sheet(f"{name}: alignment", "\n".join(filter(None, parts)), figures)
+
+
+def _sentence(words: str) -> str:
+    """With a capital and a full stop."""
+    return f"{unbroken(words[:1].upper() + words[1:].rstrip('.'))}."
 
 
 def _span(aligned: AlignedWindow) -> str:
@@ -223,7 +228,7 @@ def _budget(r: Alignment) -> str:
 
     rows = [(line.source, *cells(line.tilt, line.azimuth)) for line in r.budget]
     rows.append(("total", *cells(r.tilt_sigma, r.azimuth_sigma)))
-    head = ("1σ", f"tilt, {tilt_sign}", "share", f"azimuth, {azimuth_sign}", "share")
+    head = ("1σ", f"tilt,{_HARD}{tilt_sign}", "share", f"azimuth,{_HARD}{azimuth_sign}", "share")
     return _table(head, rows, "fit total")
 
 
@@ -235,15 +240,14 @@ def _share(part: float, whole: float) -> str:
 
 
 def _quality(r: Alignment, lat: float) -> str:
+    residuals = (
+        ("|f| − g", r.specific_force_residual / _MM, "mm/s²", "accelerometers, along up"),
+        ("|ω| − Ω", r.rate_residual / DEG_PER_H, "°/h", "gyros, along the Earth's axis"),
+        ("rate about down", r.rate_residual_down / DEG_PER_H, "°/h", "gyros, about down"),
+        ("rate along north", r.rate_residual_north / DEG_PER_H, "°/h", "gyros, along north"),
+    )
     rows = [
-        ("|f| − g", f"{signed(r.specific_force_residual / _MM)} mm/s²", "accelerometers, along up"),
-        ("|ω| − Ω", f"{signed(r.rate_residual / DEG_PER_H)} °/h", "gyros, along the Earth's axis"),
-        ("rate about down", f"{signed(r.rate_residual_down / DEG_PER_H)} °/h", "gyros, about down"),
-        (
-            "rate along north",
-            f"{signed(r.rate_residual_north / DEG_PER_H)} °/h",
-            "gyros, along north",
-        ),
+        *((name, f"{signed(x)} {u}", of) for name, x, u, of in residuals if np.isfinite(x)),
         _latitude(r.implied_latitude, lat),
     ]
     if differs(r.gyro_heading, r.heading):

@@ -111,10 +111,12 @@ def convergence_figure(c: Convergence | None) -> Figure | None:
     rows = np.flatnonzero(np.isfinite(c.t) & (c.t > 0.0))
     if len(rows) < 2:
         return None
+    off = np.abs(c.off)
+    off[c.t == c.t[-1]] = np.nan  # from itself, nothing but rounding
     sizes = {
-        "north": np.abs(c.off[:, 0]),
-        "east": np.abs(c.off[:, 1]),
-        "down": np.abs(c.off[:, 2]),
+        "north": off[:, 0],
+        "east": off[:, 1],
+        "down": off[:, 2],
         "tilt": c.tilt_sigma,
         "azimuth": c.azimuth_sigma,
     }

@@ -71,6 +71,7 @@ def test_a_level_alone(capsys: pytest.CaptureFixture[str]) -> None:
     assert found["implied latitude"] == ["unknown"]
     assert not {
         "q_nb",
+        "|ω| - Ω",
         "scatter of tenths",
         "gyro bias",
         "estimated gyro bias",
@@ -96,4 +97,4 @@ def test_of_many_stretches_the_longest_and_the_one_used(
     shown = [text.split(" s", 1)[0] for text in found["still stretch"]]
     assert shown == ["0.0", "100.0", "300.0", "500.0", "600.0", "700.0"]
     assert [text.endswith(", used") for text in found["still stretch"]] == [True] + 5 * [False]
-    assert "and 3 shorter ones" in found[""]
+    assert "and 3 shorter" in found[""]

@@ -97,11 +97,27 @@ def test_names_and_words_from_outside_are_text(written: Written) -> None:
     page, _ = written
     r = alignment()
     text = page.text.replace("\xa0", " ")
-    for words in (LOG, SITE, r.verdict, r.reason, *r.warnings, *r.unobservable):
+    for words in (LOG, SITE, r.verdict[1:], r.reason, *r.warnings, *r.unobservable):
         assert words in text
+    assert "Good for navigation-grade free inertial" in text
     assert "<script>alert" not in page.source
     assert [t for t, _ in page.tags].count("b") == 1  # the method
     assert "i" not in {t for t, _ in page.tags}
+
+
+def test_no_word_of_the_result_is_markup(tmp_path: Path) -> None:
+    odd = "<u>&amp;</u></script>"
+    r = alignment()
+    budget = tuple(replace(line, source=odd) for line in r.budget)
+    texts = {"method": odd, "reason": odd, "verdict": odd}
+    result = replace(r, budget=budget, warnings=(odd,), unobservable=(odd,), **texts)  # type: ignore[arg-type]
+    page, figures = page_of(aligned(result=result), tmp_path)
+    assert "u" not in {tag for tag, _ in page.tags}
+    assert len(page.scripts) == 3
+    assert "<u>" not in page.source
+    assert page.text.count(odd) == 11  # the method stands thrice, four sources once
+    assert "&lt;u&gt;" in figures["budget"]["layout"]["yaxis"]["ticktext"][0]
+    assert "<td>&lt; 1 %</td>" in page.source
 
 
 def test_the_attitude_reads_to_its_sigma(written: Written) -> None:
@@ -125,7 +141,7 @@ def test_the_attitude_reads_to_its_sigma(written: Written) -> None:
 
 def test_the_budget_is_a_table_and_bars(written: Written) -> None:
     page, figures = written
-    assert page.tables[1][0] == ["1σ", "tilt, ″", "share", "azimuth, °", "share"]
+    assert page.tables[1][0] == ["1σ", "tilt,\xa0″", "share", "azimuth,\xa0°", "share"]
     rows = page.tables[1][1:]
     assert [row[0] for row in rows] == [*(line.source for line in alignment().budget), "total"]
     azimuths = [CROSS, 0.0, GYRO, NOISE, AZIMUTH]
@@ -185,12 +201,14 @@ def test_convergence_stands_beside_theory(written: Written) -> None:
     for axis, name in enumerate(("north", "east", "down")):
         y = np.array(drawn[name]["y"], float)
         np.testing.assert_allclose(y[:-1], np.abs(c.off[:-1, axis]), rtol=DRAWN)
-        assert np.isnan(y[-1])  # the final one is off by nothing
+        assert np.isnan(y[-1])  # the final one is off by rounding alone
     np.testing.assert_allclose(drawn["tilt"]["y"], c.tilt_sigma, rtol=DRAWN)
     np.testing.assert_allclose(drawn["azimuth"]["y"], c.azimuth_sigma, rtol=DRAWN)
     np.testing.assert_allclose(drawn["down"]["x"], c.t, rtol=DRAWN)
-    for axis in ("xaxis", "yaxis"):
-        assert figures["convergence"]["layout"][axis]["type"] == "log"
+    low, high = figures["convergence"]["layout"]["yaxis"]["range"]  # log rad
+    assert np.log10(np.abs(c.off[:-1]).min()) - 1.0 < low < high < np.log10(0.1)
+    for side in ("xaxis", "yaxis"):
+        assert figures["convergence"]["layout"][side]["type"] == "log"
     assert "azimuth, theory 1σ" in page.text
 
 
@@ -287,6 +305,9 @@ def test_what_is_not_known_is_left_out(empty: Written) -> None:
     assert page.row(0, "heading")[1:] == ["unknown", "180°", "3,140"]
     assert value(page.row(0, "roll")[1]) == pytest.approx(-178.25 * DEG)  # upside down
     assert page.row(1, "implied latitude")[1:] == ["unknown", "the site's is −51.0800°"]
+    assert [row[0] for row in page.tables[1][1:]] == [
+        *("|f| − g", "implied latitude", "stillness, force", "stillness, rate"),
+    ]
     assert "nan" not in page.text.lower()
     assert "Quaternion" not in page.text
     assert "Warnings" not in page.text
@@ -314,11 +335,11 @@ def test_sigmas_of_nothing_and_of_no_bound(tmp_path: Path) -> None:
 def test_a_failure_leaves_what_was_there(tmp_path: Path) -> None:
     path = tmp_path / "alignment.html"
     path.write_text("before")
-    names = {"log_name": LOG, "site_name": SITE, "lat": LAT}
+    names: dict[str, Any] = {"log_name": LOG, "site_name": SITE, "lat": LAT}
     with pytest.raises(ConfigError, match="exists"):
         write_alignment_page(aligned(), path, **names)
     broken = aligned(result=replace(alignment(), verdict=None))  # type: ignore[arg-type]
-    with pytest.raises(AttributeError):
+    with pytest.raises(TypeError):
         write_alignment_page(broken, path, overwrite=True, **names)
     assert path.read_text() == "before"
     assert list(tmp_path.iterdir()) == [path]
