@@ -361,7 +361,7 @@ def _attitudes(spans: Spans, kept: Integers) -> list[Integers]:
     size = np.linalg.norm(change, axis=1)
     holes = np.flatnonzero(np.diff(kept) > 1).tolist()
     cuts: set[int] = {k + 1 for k in holes if _turns(spans, kept, k, k + 1)}
-    while size.max() > limit:
+    while size.size and size.max() > limit:
         k = int(np.argmax(size))
         cuts.add(k + w)
         size[max(k - w, 0) : k + w + 1] = 0.0
