@@ -41,6 +41,7 @@ RATE_LIMIT = 0.05 * DEG  # rad/s: the same car shows 0.016 deg/s, its drive 0.3 
 LARGEST = 2.0  # limits a single mean may leave its surroundings by
 FLOOR = 1e-7, 1e-11  # m/s^2, rad/s: scatter below this is rounding, not noise
 NOISE_SPAN = 120.0  # s on both sides tell the noise level, which an engine changes
+NOISE_ROWS = 240  # at least, so that the levels' own noise adds a tenth to the false alarms
 GROUP_SPAN = 4.0  # s of spans averaged before medians are taken
 LEVEL_SPAN = 8.0  # s on both sides tell the level a mean is held against
 NORMAL = 1.4826  # standard deviation over the median distance, of a normal distribution
@@ -221,7 +222,8 @@ def _runs(mask: Mask) -> list[tuple[int, int]]:
 
 def _seconds(spans: Spans) -> tuple[Integers, Integers]:
     """Number of the second (or longer span) each row belongs to, and the same without holes."""
-    second = np.rint(spans.end / spans.length).astype(np.int64) // _rows(spans, SPAN)
+    place = np.rint((spans.end - spans.end[:1]) / spans.length).astype(np.int64)
+    second = place // _rows(spans, SPAN)
     return second, np.unique(second, return_inverse=True)[1]
 
 
@@ -269,21 +271,12 @@ def _stops(spans: Spans) -> list[tuple[int, int, Mask]]:
 
 
 def _local(values: Array, keep: Mask, half: int) -> Array:
-    """Medians of the kept rows up to `half` rows away, interpolated between a few of them."""
-    total = len(values)
-    centers = np.linspace(0.0, total - 1.0, max(2, 1 + 4 * total // half))
-    medians = np.empty((len(centers), values.shape[1]))
-    for k, center in enumerate(centers):
-        reach = half
-        while True:
-            near = slice(max(0, int(center) - reach), int(center) + reach + 1)
-            rows = keep[near]
-            if 4 * rows.sum() >= len(rows) or reach > total:
-                break
-            reach *= 2
-        medians[k] = np.median(values[near][rows], axis=0)
-    at = np.arange(total)
-    return np.stack([np.interp(at, centers, column) for column in medians.T], axis=-1)
+    """Medians of the kept rows, `half` of them on either side of each row."""
+    kept = np.flatnonzero(keep)
+    size = min(2 * half + 1, 2 * len(kept) - 1)
+    medians = median_filter(values[kept], (size, 1), mode="reflect")
+    at = np.arange(len(values))
+    return np.stack([np.interp(at, kept, column) for column in medians.T], axis=-1)
 
 
 def _local_power(squares: Array, keep: Mask, half: int, size: int, dof: float) -> Array:
@@ -322,7 +315,8 @@ def _detect(spans: Spans, standing: Mask, false_alarm: float) -> tuple[Mask, Mas
     dof = np.maximum(spans.count - 1, 1)[:, None]
     weight = np.sqrt(spans.dt / spans.length)[:, None]
     group = _rows(spans, GROUP_SPAN)
-    noise_rows, level_rows = _rows(spans, NOISE_SPAN), _rows(spans, LEVEL_SPAN)
+    noise_rows = max(_rows(spans, NOISE_SPAN), NOISE_ROWS)
+    level_rows = _rows(spans, LEVEL_SPAN)
     limit, weak = norm.isf(0.5 * false_alarm), norm.isf(WEAK)
     usual = float(np.median(dof))
     bridge, guard = _rows(spans, BRIDGE), int(np.ceil(GUARD / spans.length - 1e-6))
@@ -349,7 +343,7 @@ def _detect(spans: Spans, standing: Mask, false_alarm: float) -> tuple[Mask, Mas
 
 def _attitudes(spans: Spans, kept: Integers) -> list[Integers]:
     """Quiet rows grouped by attitude: split at steps, joined where a shift was taken back."""
-    if not len(kept):
+    if len(kept) < 2:
         return []
     f, total = spans.f_ib_b[kept], len(kept)
     w = max(min(_rows(spans, STEP_SPAN), total // 4), 1)
@@ -470,7 +464,7 @@ def _stretch(
     scatter = [float(np.sqrt(np.sum(np.var(means[:, i : i + 3], axis=0)))) for i in (0, 3)]
     if motion == "still" and not Stillness(force=scatter[1], rate=scatter[0]).is_still:
         return None
-    between: Mask = np.diff(rows) == 1
+    between: Mask = np.rint(np.diff(part.end) / part.length) == 1
     white = _white(part, values, between)
     follow = np.diff(np.unique(second)) == 1
     differences = np.diff(means, axis=0)[follow]
