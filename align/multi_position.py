@@ -155,6 +155,9 @@ def align_positions(
     - Half a turn about the vertical is special. Where the turn is known, level biases cancel from
       the mean of the two attitudes. Where it is not, the northward gyro bias shows, and the
       eastward one to first order does not: it turns the two headings in opposite senses.
+    - Gyros whose bias may be as large as the Earth rate leave several attitudes that fit. Several
+      starts look for the best of them, but take four orientations or more: in two or three the
+      best may be the wrong one, and its sigmas too small.
     """
     problem = _Problem(
         positions,
@@ -237,6 +240,7 @@ class _Problem:
         gyro = WIDE_GYRO_BIAS if errors.gyro_bias is None else errors.gyro_bias
         accel = WIDE_ACCEL_BIAS if errors.accel_bias is None else errors.accel_bias
         self.sigma = np.array([gyro] * 3 + [accel] * 3 + [gravity_sigma])
+        self.hides = gyro > _HIDES * np.linalg.norm(omega_n)
         self.up_n = -g_n / np.linalg.norm(g_n)
         self.turns = {}
         for k, position in enumerate(positions):
@@ -252,7 +256,7 @@ class _Problem:
     def starts(self) -> list[Array]:
         """Biases to start from: none, and where gyros may hide the Earth rate, one each way."""
         starts = [np.zeros(_NUISANCES)]
-        if self.sigma[0] > _HIDES * np.linalg.norm(self.omega_n):
+        if self.hides:
             starts += [way * axis for axis in np.eye(_NUISANCES)[:3] for way in (1.0, -1.0)]
         return starts
 
@@ -313,7 +317,7 @@ class _Problem:
         for sensor, at in (("gyro", slice(-7, -4)), ("accelerometer", slice(-4, -1))):
             if self.sigma[at][0] > 0.0:
                 untold += _untold(sensor, P, np.arange(len(P))[at])
-        if self._bend(C, x, residual, J) > _BENT:
+        if self.hides and self._bend(C, x, residual, J) > _BENT:
             untold.append(
                 "how far the attitudes may be off: within one sigma the data bend away from the "
                 "straight line that the sigmas assume; add positions or known turns"
