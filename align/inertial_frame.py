@@ -53,7 +53,7 @@ Array = NDArray[np.float64]
 SHORTEST = 10.0  # s
 MAX_LATITUDE = 89.0 * DEG
 _FIRST, _RATIO, _MARKS = 10.0, 1.1, 128  # s of the first mark, from one to the next, most: 16 days
-_NEWTON = 6  # steps; four reach rounding from any start Davenport gives
+_NEWTON = 4  # steps; three reach rounding from where Davenport starts
 _LEAST_FORCE = 0.5  # of gravity
 
 # What a block hands to the next: t and what its sum lost, alpha (3) likewise, q_b0b (4), the next
