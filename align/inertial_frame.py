@@ -365,8 +365,8 @@ class InertialFrame:
     lat, h : float
         Geodetic latitude, rad, and height above the ellipsoid, m.
     errors : SensorErrors, optional
-        Stated 1-sigma errors. An amount not stated counts as zero in the covariance: beside the
-        velocity of the base the data do not show sensor noise, so state measured densities.
+        Stated 1-sigma errors. An amount not stated counts as zero; noise not stated is then taken
+        for motion of the base, as which it counts for less: state measured densities.
     ellipsoid : Ellipsoid
 
     Raises

@@ -2,6 +2,7 @@
 
 from dataclasses import fields, replace
 from itertools import product
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,10 +13,11 @@ from scipy.stats import chi2
 from align import AlignmentError, SensorErrors, analytic_coarse
 from align.inertial_frame import InertialFrame, InertialSolution, inertial_frame
 from navgrade.imu import ImuSamples
-from navgrade.reconstruction import DEFAULT, reconstruct
+from navgrade.reconstruction import DEFAULT, reconstruct, to_increments
 from navgrade.simulate import Oscillation, Sinusoid, Sinusoids, imu_increments, true_trajectory
 from tests.align.at_rest import DEG, DEG_H, UG, Array, attitudes, error_n
 from tests.align.sway import Sway, Waves, edges
+from tests.align.test_recordings import CALGARY, KINGSTON, read
 from tests.oracles.constants import OMEGA
 from tests.oracles.gravity import normal_gravity_zonal
 
@@ -353,6 +355,41 @@ def test_the_gap_is_that_of_the_sum_of_squares() -> None:
     values = np.linalg.eigvalsh(K)
     # The smallest is a part in 1e13 of the gap.
     assert found.gap == pytest.approx((values[1] - values[0]) / values[3], rel=1e-6)
+
+
+def from_log(
+    folder: Path, name: str, axes: str, window: tuple[float, float], errors: SensorErrors
+) -> tuple[InertialSolution, Rotation]:
+    """Align a stretch of a recording; also by its means (TRIAD)."""
+    site = KINGSTON if "kingston" in name else CALGARY
+    imu = read(folder, name, axes)
+    first, stop = np.searchsorted(imu.t, window, side="right")
+    imu = imu[slice(int(first), int(stop))]
+    frame = InertialFrame(*site, errors=errors)
+    for body in reconstruct(to_increments(imu.blocks(8192)), DEFAULT):
+        frame.add(body.dt, body.phi, body.dv)
+    means = analytic_coarse(imu.dt @ imu.accel, imu.dt @ imu.gyro)
+    return frame.solution(), Rotation.from_matrix(means)
+
+
+@pytest.mark.parametrize("name", ["calgary_ln100_x_up.mcap", "calgary_ln100_x_down.mcap"])
+def test_a_recorded_imu_at_rest(shared_data: Path, name: str) -> None:
+    """LN-100, pitch ±90°: both methods feel the same biases and differ by noise alone."""
+    found, triad = from_log(shared_data, name, "FRD", (-1.0, 400.0), NAVIGATION)
+    difference = error_n(found.q_nb, triad)
+    assert abs(difference[2]) < 5e-3  # rad: three times the gyro noise stated
+    assert np.linalg.norm(difference[:2]) < 2e-5  # rad: end against mean, gyro noise of 300 s
+    assert found.velocity_rms < 0.01
+
+
+def test_a_recorded_car_parked_and_leaving(shared_data: Path) -> None:
+    name = "kingston_hg1700_drive.mcap"
+    parked, triad = from_log(shared_data, name, "RFU", (5.0, 520.0), TACTICAL)
+    assert abs(error_n(parked.q_nb, triad)[2]) < 3.0 * parked.budget[3].azimuth
+    assert parked.velocity_rms < 0.1
+    leaving, _ = from_log(shared_data, name, "RFU", (520.0, 640.0), TACTICAL)
+    assert leaving.velocity_rms > 1.0
+    assert leaving.budget[-1].azimuth > 1.0
 
 
 def test_refusals() -> None:
