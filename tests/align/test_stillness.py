@@ -228,6 +228,12 @@ def test_a_shift_taken_back_is_cut_out(grade: str) -> None:
     assert not any(start < 121.5 and stop > 100.5 for start, stop in stretch.pieces)
 
 
+@EACH_GRADE
+def test_one_shift_there_and_back_is_no_sway(grade: str) -> None:
+    report = find_still(tilted(grade, 5e-3 * (ramp(100.0) - ramp(120.0))))
+    assert {stretch.motion for stretch in report.stretches} == {"still"}
+
+
 def test_a_tilt_below_the_accelerometers_is_no_step() -> None:
     (stretch,) = find_still(tilted("navigation", 3e-5 * ramp(100.0))).stretches
     assert stretch.duration > 190.0  # s
@@ -302,6 +308,14 @@ def test_sway_ends_where_the_drive_begins() -> None:
     assert first.motion == "swaying"
     assert first.start == pytest.approx(0.0, abs=1e-6)
     assert 360.0 < first.stop < 402.0
+
+
+def test_a_rolling_road_is_no_sway() -> None:
+    """A car at 25 m/s follows the hills; its tilt looks like sway, its vertical force does not."""
+    rng = np.random.default_rng(82)
+    dt, omega, f = sways(rng, 100.0, 120.0, "navigation", 1.0, shares=(0.1, 1.0, 0.1))
+    f[:, 2] -= 25.0 * omega[:, 1]
+    assert find_still(spans_of(dt, omega, f)).stretches == ()
 
 
 @EACH_GRADE
