@@ -148,7 +148,8 @@ def align_positions(
 
     from the analytic coarse attitude of each position. What it rests on:
 
-    - A bias along the plumb line shows in one position: by ``|f|``, and by the rate about down.
+    - A bias along the plumb line shows in one position: by the rate about down, and by ``|f|``,
+      as far as gravity is known there.
     - A level bias, seen by one position as a tilt or a turn of the heading, shows when the body
       is turned relative to it. A level accelerometer bias shows only through a known turn, or,
       weakly, through the gyros that see the tilt.
