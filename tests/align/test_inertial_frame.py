@@ -214,7 +214,9 @@ def small_errors(errors: SensorErrors, lat: float, noise: Array, biases: Array, 
 GRADES = pytest.mark.parametrize("errors", [NAVIGATION, TACTICAL], ids=["navigation", "tactical"])
 
 
-@GRADES
+@pytest.mark.parametrize(
+    "errors", [NOISE, NAVIGATION, TACTICAL], ids=["noise only", "navigation", "tactical"]
+)
 def test_predicted_covariance(errors: SensorErrors) -> None:
     """At 60, 300 and 600 s, latitudes 0, 45 and 70, 400 runs each."""
     rng, dt = np.random.default_rng(72), 0.5
