@@ -157,6 +157,12 @@ def test_swell_that_moves_the_imu_counts_in_the_sigmas(seconds: float, metres: f
         motions.append(found.budget[-1].azimuth / found.budget[-2].azimuth)
     # 30 runs know a sigma to 13 %, and where the swell rules four numbers tell it: to 35 %.
     assert_allclose(rms(shares), 1.0, rtol=0.35)
+    if seconds == 60.0:
+        # The ends of the window turn tilt and heading alike.
+        _, east, down = np.transpose(shares)
+        together = np.mean(east * down) / np.sqrt(np.mean(east**2) * np.mean(down**2))
+        sigma = np.sqrt(np.diag(found.P_n))
+        assert found.P_n[1, 2] / (sigma[1] * sigma[2]) == pytest.approx(together, abs=0.1)
     assert (np.median(motions) > 5.0) == (seconds == 60.0)
     assert (np.median(motions) > 0.3) == (seconds < 300.0)
     # Three sinusoids of mean frequency 1/8.8 s.
@@ -214,7 +220,9 @@ def small_errors(errors: SensorErrors, lat: float, noise: Array, biases: Array, 
 GRADES = pytest.mark.parametrize("errors", [NAVIGATION, TACTICAL], ids=["navigation", "tactical"])
 
 
-@GRADES
+@pytest.mark.parametrize(
+    "errors", [NOISE, NAVIGATION, TACTICAL], ids=["noise only", "navigation", "tactical"]
+)
 def test_predicted_covariance(errors: SensorErrors) -> None:
     """At 60, 300 and 600 s, latitudes 0, 45 and 70, 400 runs each."""
     rng, dt = np.random.default_rng(72), 0.5
@@ -235,6 +243,17 @@ def test_predicted_covariance(errors: SensorErrors) -> None:
         assert_allclose(squares, np.diag(predicted.P_n)[[0, 2]], rtol=1e-12)
     low, high = chi2.ppf([0.025, 0.975], 9 * 3 * RUNS)
     assert low < together < high
+
+
+@pytest.mark.parametrize("lat_deg", [-70.0, 0.0, 45.0])
+def test_covariance_of_accelerometer_biases_alone(lat_deg: float) -> None:
+    """That of (-b_E, b_N, tan(lat) b_E) / g."""
+    felt = Sway(lat_deg * DEG).feel(edges(20.0, 5.0))
+    found = inertial_frame(*felt.samples, lat_deg * DEG, 0.0, errors=SensorErrors(accel_bias=UG))
+    law = np.array([[0.0, -1.0], [1.0, 0.0], [0.0, np.tan(lat_deg * DEG)]])
+    law *= UG / float(normal_gravity_zonal(lat_deg * DEG, 0.0).down)
+    # Rounding that the tests for motion may take for it.
+    assert_allclose(found.P_n, law @ law.T, rtol=1e-9, atol=1e-18)
 
 
 @GRADES
