@@ -68,7 +68,8 @@ GRADES = {
 TIMES = (60.0, 300.0, 600.0)  # s
 LATITUDES = (0.0, 45.0, 70.0)  # deg
 QUIET = SensorErrors(0.0, 0.0, 0.003 * DEG / 60.0, 10.0 * UG)
-_ROWS = 60  # spans of a Monte Carlo window
+_ROW = 2.0  # s, of a row of a Monte Carlo window
+_THINNED = 5  # rows that make a span of the filter
 _MRAD, _URAD = 1e-3, 1e-6
 
 
@@ -142,7 +143,9 @@ def _solvers(
         return found.q_nb, found.P_n
 
     def by_filter(felt: Window, _: np.random.Generator) -> Solved:
-        found = fine_align(*felt.samples[:3], coarse(felt), felt.lat, felt.h, errors=errors)
+        thin = felt.dt.reshape(-1, _THINNED).sum(axis=1)
+        spans = (x.reshape(-1, _THINNED, 3).mean(axis=1) for x in (felt.omega_ib_b, felt.f_ib_b))
+        found = fine_align(thin, *spans, coarse(felt), felt.lat, felt.h, errors=errors)
         return found.q_nb, found.P_n
 
     def by_curve(felt: Window, _: np.random.Generator) -> Solved:
@@ -190,7 +193,7 @@ def monte_carlo() -> Iterator[str]:
 
 
 def _place(seconds: float, lat_deg: float, attitude: Rotation) -> Window:
-    return still(lat_deg, attitude, h=300.0, count=_ROWS, dt=seconds / _ROWS)
+    return still(lat_deg, attitude, h=300.0, count=round(seconds / _ROW), dt=_ROW)
 
 
 def _ratios(
@@ -343,7 +346,7 @@ def budgets() -> Iterator[str]:
 
 def budget_at(errors: SensorErrors, lat_deg: float, seconds: float = 300.0) -> Alignment:
     """The report of a perfect window at a latitude."""
-    place = still(lat_deg, rotation(0.0, 0.0, 0.0), count=_ROWS, dt=seconds / _ROWS)
+    place = still(lat_deg, rotation(0.0, 0.0, 0.0), count=round(seconds / _ROW), dt=_ROW)
     return align_static(*place.samples, errors=errors, method="triad")
 
 
