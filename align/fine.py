@@ -176,7 +176,7 @@ def fine_align(
         Geodetic latitude (rad) and ellipsoidal height (m) from the survey.
     errors : SensorErrors, optional
         Stated 1-sigma per axis. A bias not stated is taken as wide (`UNSTATED_GYRO_BIAS`,
-        `UNSTATED_ACCEL_BIAS`), a noise not stated as what the window shows.
+        `UNSTATED_ACCEL_BIAS`; state what is worse), a noise not stated as what the window shows.
     still : array_like of bool, shape (n,), optional
         False where the base is disturbed: there the gyros alone carry the attitude, which may
         change, to 0.1 mrad; nothing is concluded from the accelerometers. All are still by
@@ -260,6 +260,8 @@ def _rows(
             raise ValueError(f"{name} holds a value that is not finite")
     if not np.all(dt > 0.0):
         raise ValueError(f"dt must be positive, row {int(np.argmin(dt > 0.0))} is not")
+    if not np.all(np.diff(end) > 0.0):
+        raise ValueError(f"t must increase, row {int(np.argmin(np.diff(end) > 0.0)) + 1} does not")
     if not mask.any():
         raise AlignmentError("no span is still: choose another window, or align a swaying base")
     restart = np.full(n, _NONE)

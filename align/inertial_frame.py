@@ -12,8 +12,8 @@ chord, heading its curvature. The rotation minimises the integral of
 ``t (T - t) |C alpha - beta + v(0)|^2``. Four choices make it exact and robust:
 
 - v(0) is eliminated: both are taken from their weighted means;
-- the weight vanishes at both ends, where a velocity that swings would turn the curvature most: a
-  swell of period p counts for about (p/T)^2, with constant weights and v(0) = 0 for all of it;
+- the weight vanishes at both ends, where a velocity that swings turns the curvature most: a swell
+  of period p adds to the heading 4.5 (p/T)^2 of what it would with constant weights and v(0) = 0;
 - rates are fitted with the attitude: a drift about north would else tilt it, and lengths are free.
   What the drift has turned since the middle of the window is taken back at its end;
 - Davenport's eigenvector squares the condition of the problem, 1/(Omega T). It starts a Newton
@@ -52,8 +52,8 @@ Array = NDArray[np.float64]
 
 SHORTEST = 10.0  # s
 MAX_LATITUDE = 89.0 * DEG
-_FIRST, _RATIO, _MARKS = 10.0, 1.1, 128  # s of the first mark, from one to the next, most: 16 days
-_NEWTON = 6  # steps; four reach rounding from any start Davenport gives
+_FIRST, _RATIO, _MARKS = 10.0, 1.1, 128  # s of the first mark; of each to the last; three weeks
+_NEWTON = 4  # steps; three reach rounding from where Davenport starts
 _LEAST_FORCE = 0.5  # of gravity
 
 # What a block hands to the next: t and what its sum lost, alpha (3) likewise, q_b0b (4), the next
@@ -365,8 +365,8 @@ class InertialFrame:
     lat, h : float
         Geodetic latitude, rad, and height above the ellipsoid, m.
     errors : SensorErrors, optional
-        Stated 1-sigma errors. An amount not stated counts as zero in the covariance: beside the
-        velocity of the base the data do not show sensor noise, so state measured densities.
+        Stated 1-sigma errors. An amount not stated counts as zero; noise not stated is then taken
+        for motion of the base, as which it counts for less: state measured densities.
     ellipsoid : Ellipsoid
 
     Raises

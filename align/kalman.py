@@ -240,7 +240,7 @@ def update(x: ArrayLike, P: ArrayLike, z: ArrayLike, H: ArrayLike, R: ArrayLike)
 
     Notes
     -----
-    Bar-Shalom, Li & Kirubarajan (2001), 5.2.3; the factor L of ``S = L L^T`` replaces its inverse.
+    Bar-Shalom, Li & Kirubarajan (2001), 5.2; the factor L of ``S = L L^T`` replaces its inverse.
     """
     x, P, z, H, R = _own(x, P, z, H, R)
     memory = room(len(x), len(z))

@@ -18,7 +18,7 @@ from align.multi_position import Position, align_positions
 from align.result import Alignment, Contribution
 from align.static import BY_GYROS, STATIC_METHODS, KnownHeading, align_static
 from align.stillness import Stillness
-from align.window import SIGNIFICANT, Quality, compass, conclude, examine
+from align.window import SIGNIFICANT, UNSTATED_ACCEL_BIAS, Quality, compass, conclude, examine
 from earth.ellipsoid import WGS84, Ellipsoid
 from earth.rates import omega_ie_n
 from earth.rotation import euler_from_quat
@@ -98,7 +98,18 @@ def align_fine(
         ellipsoid=ellipsoid,
     )
     budget = left_over(found.P_n, coarse.budget)
-    warnings = tuple(x for x in coarse.warnings if x not in window.warnings)
+    warnings = [x for x in coarse.warnings if x not in window.warnings]
+    mean, said = float(np.mean(found.innovations.nis)), found.innovations
+    if not said.consistent:
+        warnings.append(
+            f"the mean normalised innovation is {mean:.2f}, not {said.low:.2f} to {said.high:.2f}: "
+            + (
+                "the base moves, or the sensors' noise is more than stated or not white; believe "
+                "the sigmas of method triad rather than these"
+                if mean > said.high
+                else "noise is less than assumed or not white, and the sigmas err on the safe side"
+            )
+        )
     return conclude(
         window.quality,
         "fine",
@@ -106,7 +117,7 @@ def align_fine(
         found.q_nb,
         found.P_n,
         budget,
-        warnings=warnings,
+        warnings=tuple(warnings),
         gyro_heading=coarse.gyro_heading,
         gyro_heading_sigma=coarse.gyro_heading_sigma,
         scatter=coarse.scatter,
@@ -223,7 +234,7 @@ def _proven(
             "than the stated errors allow, so the sigmas were enlarged"
         )
     if accel is None:
-        accel = abs(force)
+        accel = max(abs(force), UNSTATED_ACCEL_BIAS)
     elif abs(force) > SIGNIFICANT * accel and accel > 0.0:
         accel = abs(force)
         warnings.append(

@@ -32,6 +32,8 @@ _OWN_AXIS = 0.9  # share of an axis in what is untold that makes it that axis
 _SHARE = 0.5  # of a variance that comes from one bias
 _NUISANCES = 7  # three gyro biases, three accelerometer biases, the gravity disturbance
 _STEPS = 200
+_HIDES = 0.1  # of the Earth rate: a larger bias may leave more than one least sum of squares
+_BENT = 0.7  # sigmas
 _FRACTIONS = 0.5 ** np.arange(12)  # of a step that may overshoot
 _SETTLED = 1e-5  # sigmas: far below what the solution is worth
 
@@ -79,7 +81,8 @@ class MultiPositionSolution:
     accel_bias, accel_bias_sigma : ndarray, shape (3,)
         In body axes, m/s^2.
     unobservable : tuple of str
-        Biases of which the data tell less than was stated, and what they turn.
+        Biases of which the data tell less than was stated, and what they turn; and, where the
+        sigmas do not hold because the gyro bias may hide the Earth rate, that.
     chi2 : float
         Weighted sum of squared residuals, those of the stated biases included.
     dof : int
@@ -145,13 +148,17 @@ def align_positions(
 
     from the analytic coarse attitude of each position. What it rests on:
 
-    - A bias along the plumb line shows in one position: by ``|f|``, and by the rate about down.
+    - A bias along the plumb line shows in one position: by the rate about down, and by ``|f|``,
+      as far as gravity is known there.
     - A level bias, seen by one position as a tilt or a turn of the heading, shows when the body
       is turned relative to it. A level accelerometer bias shows only through a known turn, or,
       weakly, through the gyros that see the tilt.
     - Half a turn about the vertical is special. Where the turn is known, level biases cancel from
       the mean of the two attitudes. Where it is not, the northward gyro bias shows, and the
       eastward one to first order does not: it turns the two headings in opposite senses.
+    - Gyros whose bias may be as large as the Earth rate leave several attitudes that fit. Several
+      starts look for the best of them, but take four orientations or more: in two or three the
+      best may be the wrong one, and its sigmas too small.
     """
     problem = _Problem(
         positions,
@@ -160,26 +167,34 @@ def align_positions(
         errors,
         gravity_sigma,
     )
-    C, x = problem.start(), np.zeros(_NUISANCES)
+    ends = [_least(problem, problem.start(x), x) for x in problem.starts()]
+    found = [end for end in ends if end is not None]
+    if not found:
+        raise AlignmentError(
+            f"attitudes and biases of the positions have not settled after {_STEPS} steps; state "
+            "the gyro bias, or give the turns between the positions"
+        )
+    return problem.solution(*min(found, key=lambda end: float(end[2] @ end[2])))
+
+
+def _least(problem: _Problem, C: Array, x: Array) -> tuple[Array, Array, Array] | None:
+    """Go down to the least sum of squares near a start; None where the way is too long."""
     residual = problem.residual(C, x)
     for _ in range(_STEPS):
         orthogonal, triangular = np.linalg.qr(problem.jacobian(C))
         step = -np.linalg.solve(triangular, orthogonal.T @ residual)
-        settled = float(np.linalg.norm(triangular @ step)) < _SETTLED
+        if float(np.linalg.norm(triangular @ step)) < _SETTLED:
+            C, x = _moved(C, x, step)
+            return C, x, problem.residual(C, x)
         for fraction in _FRACTIONS:
             C_next, x_next = _moved(C, x, fraction * step)
             next_residual = problem.residual(C_next, x_next)
-            if settled or next_residual @ next_residual < residual @ residual:
+            if next_residual @ next_residual < residual @ residual:
                 C, x, residual = C_next, x_next, next_residual
                 break
         else:
-            settled = True  # the residuals are down to rounding
-        if settled:
-            return problem.solution(C, x, residual)
-    raise AlignmentError(
-        f"attitudes and biases of the positions have not settled after {_STEPS} steps; state the "
-        "gyro bias, or give the turns between the positions"
-    )
+            return C, x, residual  # the residuals are down to rounding
+    return None
 
 
 def _moved(C: Array, x: Array, step: Array) -> tuple[Array, Array]:
@@ -226,6 +241,7 @@ class _Problem:
         gyro = WIDE_GYRO_BIAS if errors.gyro_bias is None else errors.gyro_bias
         accel = WIDE_ACCEL_BIAS if errors.accel_bias is None else errors.accel_bias
         self.sigma = np.array([gyro] * 3 + [accel] * 3 + [gravity_sigma])
+        self.hides = gyro > _HIDES * np.linalg.norm(omega_n)
         self.up_n = -g_n / np.linalg.norm(g_n)
         self.turns = {}
         for k, position in enumerate(positions):
@@ -238,14 +254,22 @@ class _Problem:
                 )
             self.turns[k] = dcm_from_quat(position.turn), position.turn_sigma
 
-    def start(self) -> Array:
+    def starts(self) -> list[Array]:
+        """Biases to start from: none, and where gyros may hide the Earth rate, one each way."""
+        starts = [np.zeros(_NUISANCES)]
+        if self.hides:
+            starts += [way * axis for axis in np.eye(_NUISANCES)[:3] for way in (1.0, -1.0)]
+        return starts
+
+    def start(self, x: Array) -> Array:
         """Analytic coarse attitudes; a known turn leads on from the position before."""
         found: list[Array] = []
-        for k, (f, omega) in enumerate(zip(self.f, self.omega, strict=True)):
+        omega = self.omega - self.sigma[:3] * x[:3]
+        for k, (f, rate) in enumerate(zip(self.f, omega, strict=True)):
             if k in self.turns:
                 found.append(found[-1] @ self.turns[k][0])
             else:
-                found.append(analytic_coarse(f, omega, g_n=self.g_n, omega_ie_n=self.omega_n))
+                found.append(analytic_coarse(f, rate, g_n=self.g_n, omega_ie_n=self.omega_n))
         return np.stack(found)
 
     def residual(self, C: Array, x: Array) -> Array:
@@ -283,7 +307,8 @@ class _Problem:
         return J
 
     def solution(self, C: Array, x: Array, residual: Array) -> MultiPositionSolution:
-        root = np.linalg.inv(np.linalg.qr(self.jacobian(C))[1])
+        J = self.jacobian(C)
+        root = np.linalg.inv(np.linalg.qr(J)[1])
         P = root @ root.T
         count = len(C)
         blocks = P[:-_NUISANCES, :-_NUISANCES].reshape(count, 3, count, 3)
@@ -293,6 +318,11 @@ class _Problem:
         for sensor, at in (("gyro", slice(-7, -4)), ("accelerometer", slice(-4, -1))):
             if self.sigma[at][0] > 0.0:
                 untold += _untold(sensor, P, np.arange(len(P))[at])
+        if self.hides and self._bend(C, x, residual, J) > _BENT:
+            untold.append(
+                "how far the attitudes may be off: within one sigma the data bend away from the "
+                "straight line that the sigmas assume; add positions or known turns"
+            )
         return MultiPositionSolution(
             q_nb=quat_from_dcm(C),
             P_n=np.einsum("kikj->kij", blocks),
@@ -303,6 +333,15 @@ class _Problem:
             unobservable=tuple(untold),
             chi2=float(residual @ residual),
             dof=3 * count + 3 * len(self.turns),
+        )
+
+    def _bend(self, C: Array, x: Array, residual: Array, J: Array) -> float:
+        """Largest departure of the residuals from linear, one sigma away, sigmas."""
+        _, scale, axes = np.linalg.svd(np.linalg.qr(J)[1])
+        steps = axes / scale[:, None]
+        return max(
+            float(np.linalg.norm(self.residual(*_moved(C, x, step)) - residual - J @ step))
+            for step in (*steps, *-steps)
         )
 
 

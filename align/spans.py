@@ -169,7 +169,6 @@ class SpanReducer:
         dt = sums[:, 0]
         # Of weighted squares about the mean: (n - 1) times the density of white noise squared
         variance = sums[:, 7:] * (count / (np.maximum(count - 1, 1) * dt))[:, None]
-        variance[count < 2] = 0.0
         return Spans(
             self._length,
             self._origin + (index + 1) * self._length,

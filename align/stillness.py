@@ -41,10 +41,11 @@ RATE_LIMIT = 0.05 * DEG  # rad/s: the same car shows 0.016 deg/s, its drive 0.3 
 LARGEST = 2.0  # limits a single mean may leave its surroundings by
 FLOOR = 1e-7, 1e-11  # m/s^2, rad/s: scatter below this is rounding, not noise
 NOISE_SPAN = 120.0  # s on both sides tell the noise level, which an engine changes
+NOISE_ROWS = 240  # at least, so that the levels' own noise adds a tenth to the false alarms
 GROUP_SPAN = 4.0  # s of spans averaged before medians are taken
 LEVEL_SPAN = 8.0  # s on both sides tell the level a mean is held against
 NORMAL = 1.4826  # standard deviation over the median distance, of a normal distribution
-PASSES = 6  # of levels from what the pass before kept
+PASSES = 4  # of levels from what the pass before kept
 WEAK = 0.02  # share of undisturbed spans that would prolong a detection beside them
 GUARD = 0.5  # s cut before and after what is detected: the onset and the dying away
 BRIDGE = 2.0  # s: quiet between two detections shorter than this is no quiet
@@ -186,15 +187,28 @@ def find_still(spans: Spans, *, false_alarm: float = 1e-3, least: float = 10.0) 
     spans : Spans
         Of about `align.spans.natural_length`.
     false_alarm : float
-        Share of undisturbed spans the detector may take for disturbed.
+        Share of undisturbed spans the detector may take for disturbed, before guards: honored
+        within a fifth in Gaussian white noise, and within six times 1e-3 in smoothed or quantized
+        noise, whose tails the lower quantiles cannot tell.
     least : float
         Shortest stretch worth reporting, s kept.
+
+    Raises
+    ------
+    ValueError
+        When `false_alarm` is not between 0 and 0.5.
+
+    Notes
+    -----
+    A lasting step of attitude ends a stretch and begins another; a shift taken back within a
+    minute is cut out. A swaying body is reported whole. Smooth motion at constant velocity is
+    called still.
     """
     if not 0.0 < false_alarm < 0.5:
         raise ValueError(f"false_alarm must be between 0 and 0.5, got {false_alarm}")
     alarms, sways = np.zeros(len(spans), bool), _sways(spans)
     found: list[Stretch | None] = []
-    for first, stop, standing in _stops(spans):
+    for first, stop, standing in _stops(spans, least):
         inside = slice(first, stop)
         if np.mean(sways[inside]) > 0.5:
             sways[inside] = True
@@ -221,7 +235,8 @@ def _runs(mask: Mask) -> list[tuple[int, int]]:
 
 def _seconds(spans: Spans) -> tuple[Integers, Integers]:
     """Number of the second (or longer span) each row belongs to, and the same without holes."""
-    second = np.rint(spans.end / spans.length).astype(np.int64) // _rows(spans, SPAN)
+    place = np.rint((spans.end - spans.end[:1]) / spans.length).astype(np.int64)
+    second = place // _rows(spans, SPAN)
     return second, np.unique(second, return_inverse=True)[1]
 
 
@@ -232,7 +247,7 @@ def _means(weight: Array, values: Array, group: Integers) -> Array:
     return means
 
 
-def _stops(spans: Spans) -> list[tuple[int, int, Mask]]:
+def _stops(spans: Spans, least: float) -> list[tuple[int, int, Mask]]:
     """Runs of rows in which one-second means stay within the limits, short holes included.
 
     For each: first row, the row after the last, and which of its rows are within the limits.
@@ -246,44 +261,36 @@ def _stops(spans: Spans) -> list[tuple[int, int, Mask]]:
     off = np.sum((mean - level).reshape(-1, 2, 3) ** 2, axis=-1)
     standing = whole & np.all(off <= LARGEST**2, axis=-1)
     groups: list[list[tuple[int, int]]] = []
+    recent: list[list[tuple[int, int]]] = []
     for run in _runs(standing):
         if run[1] - run[0] < _rows(spans, BRIDGE):
             continue
         here = scaled[slice(*run)].mean(0)
-        for group in reversed(groups):
-            last = slice(*group[-1])
-            if spans.start[run[0]] - spans.end[last.stop - 1] > HOLE:
-                continue
-            apart = (here - scaled[last].mean(0)).reshape(2, 3)
+        recent = [x for x in recent if spans.start[run[0]] - spans.end[x[-1][1] - 1] <= HOLE]
+        for group in reversed(recent):
+            apart = (here - scaled[slice(*group[-1])].mean(0)).reshape(2, 3)
             if np.all(np.sum(apart**2, axis=-1) <= 1.0):
                 group.append(run)
                 break
         else:
             groups.append([run])
+            recent.append(groups[-1])
     stops: list[tuple[int, int, Mask]] = []
     for group in sorted(groups, key=lambda group: group[0][0] - group[-1][1]):
         first, stop = group[0][0], group[-1][1]
-        if not any(first < b and a < stop for a, b, _ in stops):
+        lasts = spans.length * sum(b - a for a, b in group)
+        if lasts >= least and not any(first < b and a < stop for a, b, _ in stops):
             stops.append((first, stop, standing[first:stop]))
     return sorted(stops, key=lambda stop: stop[0])
 
 
 def _local(values: Array, keep: Mask, half: int) -> Array:
-    """Medians of the kept rows up to `half` rows away, interpolated between a few of them."""
-    total = len(values)
-    centers = np.linspace(0.0, total - 1.0, max(2, 1 + 4 * total // half))
-    medians = np.empty((len(centers), values.shape[1]))
-    for k, center in enumerate(centers):
-        reach = half
-        while True:
-            near = slice(max(0, int(center) - reach), int(center) + reach + 1)
-            rows = keep[near]
-            if 4 * rows.sum() >= len(rows) or reach > total:
-                break
-            reach *= 2
-        medians[k] = np.median(values[near][rows], axis=0)
-    at = np.arange(total)
-    return np.stack([np.interp(at, centers, column) for column in medians.T], axis=-1)
+    """Medians of the kept rows, `half` of them on either side of each row."""
+    kept = np.flatnonzero(keep)
+    size = min(2 * half + 1, 2 * len(kept) - 1)
+    medians = median_filter(values[kept], (size, 1), mode="reflect")
+    at = np.arange(len(values))
+    return np.stack([np.interp(at, kept, column) for column in medians.T], axis=-1)
 
 
 def _local_power(squares: Array, keep: Mask, half: int, size: int, dof: float) -> Array:
@@ -322,7 +329,8 @@ def _detect(spans: Spans, standing: Mask, false_alarm: float) -> tuple[Mask, Mas
     dof = np.maximum(spans.count - 1, 1)[:, None]
     weight = np.sqrt(spans.dt / spans.length)[:, None]
     group = _rows(spans, GROUP_SPAN)
-    noise_rows, level_rows = _rows(spans, NOISE_SPAN), _rows(spans, LEVEL_SPAN)
+    noise_rows = max(_rows(spans, NOISE_SPAN), NOISE_ROWS)
+    level_rows = _rows(spans, LEVEL_SPAN)
     limit, weak = norm.isf(0.5 * false_alarm), norm.isf(WEAK)
     usual = float(np.median(dof))
     bridge, guard = _rows(spans, BRIDGE), int(np.ceil(GUARD / spans.length - 1e-6))
@@ -349,7 +357,7 @@ def _detect(spans: Spans, standing: Mask, false_alarm: float) -> tuple[Mask, Mas
 
 def _attitudes(spans: Spans, kept: Integers) -> list[Integers]:
     """Quiet rows grouped by attitude: split at steps, joined where a shift was taken back."""
-    if not len(kept):
+    if len(kept) < 2:
         return []
     f, total = spans.f_ib_b[kept], len(kept)
     w = max(min(_rows(spans, STEP_SPAN), total // 4), 1)
@@ -470,7 +478,7 @@ def _stretch(
     scatter = [float(np.sqrt(np.sum(np.var(means[:, i : i + 3], axis=0)))) for i in (0, 3)]
     if motion == "still" and not Stillness(force=scatter[1], rate=scatter[0]).is_still:
         return None
-    between: Mask = np.diff(rows) == 1
+    between: Mask = np.rint(np.diff(part.end) / part.length) == 1
     white = _white(part, values, between)
     follow = np.diff(np.unique(second)) == 1
     differences = np.diff(means, axis=0)[follow]

@@ -19,13 +19,14 @@ from earth.ellipsoid import WGS84, Ellipsoid
 from earth.gravity import normal_gravity_n
 from earth.rates import omega_ie_n
 from earth.rotation import dcm_from_quat, euler_from_quat, quat_from_dcm, rotvec_from_quat
-from earth.units import DEG, DEG_PER_H
+from earth.units import DEG, DEG_PER_H, UG
 
 Array = NDArray[np.float64]
 
 SHORTEST = 2.0  # s
 SUB_WINDOWS = 10
 SIGNIFICANT = 3.0  # sigmas
+UNSTATED_ACCEL_BIAS = 1000.0 * UG  # |f| shows the upward one alone, and that may be small by luck
 _FALSE_ALARM = 1e-3  # of noise taken for more than was stated
 
 
@@ -167,8 +168,10 @@ def examine(
     sub_f = span_means(dt, f_ib_b, duration / SUB_WINDOWS)
     rate_noise = _noise(errors.arw, sub_omega, duration)
     force_noise = _noise(errors.vrw, sub_f, duration)
-    rate_bias, rate_note = _bias(errors.gyro_bias, rate_noise.sigma, shown.shown_rate)
-    force_bias, force_note = _bias(errors.accel_bias, force_noise.sigma, abs(shown.force))
+    rate_bias, rate_note = _bias(errors.gyro_bias, rate_noise.sigma, shown.shown_rate, 0.0)
+    force_bias, force_note = _bias(
+        errors.accel_bias, force_noise.sigma, abs(shown.force), UNSTATED_ACCEL_BIAS
+    )
     azimuth = heading_sigma(
         float(np.hypot(rate_noise.sigma, rate_bias)),
         float(np.hypot(force_noise.sigma, force_bias)),
@@ -303,8 +306,13 @@ def _noise(random_walk: float | None, sub_means: Array, duration: float) -> Nois
     return Noise(shown if exceeds else float(stated), bool(exceeds))
 
 
-def _bias(stated: float | None, noise: float, shown: float) -> tuple[float, str]:
-    """Sigma of a bias, and the words for why it is not simply what was stated."""
+def _bias(stated: float | None, noise: float, shown: float, least: float) -> tuple[float, str]:
+    """Sigma of a bias, and the words for why it is not simply what was stated.
+
+    `least` counts where neither a sheet nor the residual tells more.
+    """
+    if stated is None and shown < least:
+        return least, f"(no bias is stated, so {least / UG:.0f} µg stand for its sigma)"
     if stated is None:
         return shown, "(no bias is stated, so this stands for its sigma)"
     if shown > SIGNIFICANT * np.hypot(noise, stated):

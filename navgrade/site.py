@@ -395,11 +395,20 @@ def _mark(table: Table, key: str, name: str, survey: _Survey) -> Mark:
         return choose(survey.marks, name)
 
 
+# what stands instead of what
+_INSTEAD = {
+    "mark": ("xyz_m", "latitude", "longitude"),
+    "xyz_m": ("latitude", "longitude", "height_m", "orthometric_height_m", "geoid_height_m"),
+    "height_kind": ("height_m", "orthometric_height_m"),
+}
+
+
 def _place(site: Table, azimuth: Table, surveyed: bool, survey: _Survey) -> Place:
     """Place and heading; what the survey says of them goes into `survey`."""
-    for one, other in (("mark", "xyz_m"), ("mark", "latitude"), ("xyz_m", "latitude")):
-        if one in site and other in site:
-            raise site.error(one, f"give it or {other}, not both")
+    for whole, parts in _INSTEAD.items():
+        for part in parts:
+            if whole in site and part in site:
+                raise site.error(whole, f"give it or {part}, not both")
     datum = site.text("datum")
     if survey.mark is not None:
         mark = survey.mark

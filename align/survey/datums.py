@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import re
 
+from earth.units import DEG
+
 _FAMILIES = {
     "NAD 83": r"NAD83",
     "ETRS89": r"ETRS89|ETRF\d+",
@@ -81,17 +83,18 @@ def line_warning(
         if same:
             return None
         return (
-            f"{a} is in {one} and {b} in {two}: these realizations differ by centimetres to 1 m, "
+            f"{a} is in {one} and {b} in {two}: these realizations differ by centimeters to 1 m, "
             f"over {distance:.1f} m up to {_degrees(1.0 / distance)}; nothing was corrected"
         )
-    if None not in epochs and abs(years := float(epochs[1]) - float(epochs[0])) > _SAME:  # type: ignore[arg-type]
-        return (
-            f"the coordinates of {a} and {b} are {abs(years):.1f} years apart in {two}, where "
-            f"ground moves 1 to 8 cm a year: over {distance:.1f} m up to "
-            f"{_degrees(0.08 * abs(years) / distance)}; nothing was corrected"
-        )
-    return None
+    years = 0.0 if epochs[0] is None or epochs[1] is None else abs(epochs[1] - epochs[0])
+    if years <= _SAME:
+        return None
+    return (
+        f"the coordinates of {a} and {b} are {years:.1f} years apart in {two}, where ground moves "
+        f"1 to 8 cm a year: over {distance:.1f} m up to {_degrees(0.08 * years / distance)}; "
+        "nothing was corrected"
+    )
 
 
 def _degrees(turn: float) -> str:
-    return f"{min(turn * 57.29577951308232, 180.0):.2g}°"
+    return f"{min(turn / DEG, 180.0):.2g}°"

@@ -9,8 +9,8 @@ import click
 
 from navgrade.alignment import align_log, align_logs, alignment_report
 from navgrade.cli.options import path_or_url, source_options
-from navgrade.cli.show import show_alignment, show_source
-from navgrade.cli.terminal import progress_bar, warn
+from navgrade.cli.show import show_alignment, show_source, show_survey
+from navgrade.cli.terminal import progress_bar
 from navgrade.job import Choices, open_log
 from navgrade.report import write_alignment_page
 from navgrade.site import read_site
@@ -75,5 +75,4 @@ def command(
         if k < len(sources):
             show_source(sources[k], axes_given=bool(axes or site.axes))
         show_alignment(aligned)
-    for note in site.survey_notes:
-        warn(note)
+    show_survey(site)

@@ -8,7 +8,7 @@ import click
 
 from earth.gravity import GRAVITY_MODELS
 from navgrade.cli.options import log_argument, source_options
-from navgrade.cli.show import show_alignment, show_source, show_summary
+from navgrade.cli.show import show_alignment, show_source, show_summary, show_survey
 from navgrade.cli.terminal import progress_bar
 from navgrade.job import Choices, open_log, run
 from navgrade.logs import POSE_RATE
@@ -92,6 +92,7 @@ def command(
     )
     source = open_log(log, site, choices)
     show_source(source, axes_given=bool(axes or site.axes))
+    show_survey(site)
     with progress_bar("navigating", log) as progress:
         summary = run(
             source,

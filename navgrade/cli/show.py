@@ -13,6 +13,7 @@ from navgrade.compare.result import Comparison
 from navgrade.compare.verdict import length_text, time_text
 from navgrade.job import RunSummary
 from navgrade.logs import ImuLog
+from navgrade.site import Site
 from navgrade.report.alignment import differs
 from navgrade.report.words import readable_angle
 
@@ -27,6 +28,14 @@ def show_source(log: ImuLog, *, axes_given: bool) -> None:
         f"{log.path}  {log.topic}  {log.schema.name}, kind {log.kind}, axes {axes}", markup=False
     )
     for note in log.notes:
+        warn(note)
+
+
+def show_survey(site: Site) -> None:
+    """Say how place and heading came from marks, and what speaks against them."""
+    for text in site.survey:
+        row("survey", text)
+    for note in site.survey_notes:
         warn(note)
 
 

@@ -133,7 +133,7 @@ def test_what_has_no_direction_or_no_sigma_is_refused() -> None:
     ("frames", "epochs", "said"),
     [
         (("NAD 83(2011)", "ITRF2014"), (2010.0, 2010.0), "frames may differ by 1 to 2 m"),
-        (("NAD 83(1986)", "NAD83(2011)"), (None, None), "realizations differ by centimetres"),
+        (("NAD 83(1986)", "NAD83(2011)"), (None, None), "realizations differ by centimeters"),
         (("GDA94", "GDA2020"), (None, None), "frames may differ"),
         (("NAD27", "NAD 83(2011)"), (None, None), "how far apart is not known"),
         (("NAD27", "ED50"), (None, None), "how far apart is not known"),

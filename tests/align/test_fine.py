@@ -18,6 +18,7 @@ from align.fine import FineSolution, fine_align
 from tests.align.at_rest import DEG, DEG_H, UG, Array, Window, attitudes, error_n, rotation, still
 from tests.oracles.constants import OMEGA
 
+Mask = NDArray[np.bool_]
 EULER = (0.3, -0.2, 0.8)  # rad
 
 
@@ -53,7 +54,7 @@ def coarse(window: Window) -> Array:
 
 def refined(window: Window, q_nb: Array, **options: object) -> FineSolution:
     options.setdefault("errors", NAVIGATION)
-    return fine_align(*window.samples[:3], q_nb, window.lat, window.h, **options)
+    return fine_align(*window.samples[:3], q_nb, window.lat, window.h, **options)  # type: ignore[arg-type]
 
 
 def with_errors(
@@ -310,7 +311,7 @@ def test_a_known_heading_is_that_of_the_nose(pitch: float) -> None:
         assert tilt == pytest.approx(-40.0 * UG / window.g, rel=0.01)
 
 
-def slammed(window: Window, every: float, rng: np.random.Generator) -> tuple[Window, Array]:
+def slammed(window: Window, every: float, rng: np.random.Generator) -> tuple[Window, Mask]:
     """The window with 2 s of shaking out of every so many, and where it is still."""
     end = np.cumsum(window.dt)
     still_rows = (end % every) > 2.0
@@ -340,6 +341,20 @@ def test_door_slams_cut_out_do_not_bias(errors: Grade) -> None:
 
     blind = refined(felt, q, errors=errors)
     assert not blind.innovations.consistent
+
+
+def test_gyros_that_lose_a_little_in_each_slam_do_not_tilt() -> None:
+    """Half of what their account is trusted to, ten times in five minutes."""
+    rng = np.random.default_rng(16)
+    window = still(45.0, rotation(*EULER), count=600, dt=0.5)
+    felt, *_ = with_errors(window, NAVIGATION, rng)
+    still_rows = (np.cumsum(window.dt) % 30.0) > 2.0
+    lost = np.repeat(rng.normal(0.0, 50e-6, size=(150, 3)), 4, axis=0) / 2.0  # rad in 2 s
+    felt = felt.plus(gyro=np.where(still_rows, 0.0, 1.0)[:, None] * lost)
+    found = refined(felt, coarse(window), still=still_rows)
+    units = error_n(found.q_nb, window.attitude) / np.sqrt(np.diag(found.P_n))
+    assert np.max(np.abs(units)) < 3.0
+    assert found.innovations.consistent
 
 
 def test_a_base_that_a_disturbance_turns_is_followed_by_the_gyros() -> None:
@@ -403,6 +418,23 @@ def test_a_gap_keeps_the_attitude_and_restarts_the_velocity() -> None:
     # The base is known not to have turned: the pause costs north the wobble of two more ends.
     ratio = np.sqrt(paused.P_n[2, 2] / carried.P_n[2, 2])
     assert 1.0 < ratio < 1.3
+
+
+def test_a_gap_lasts_as_long_as_two_wobbles() -> None:
+    """Heading known before, its mean over each part to wobble/sqrt(ends), the base in between."""
+    sharp = Grade(1e-4 * DEG_H, 0.1 * UG, NAVIGATION.arw, NAVIGATION.vrw)
+    window = still(45.0, rotation(*EULER), count=400, dt=0.5)
+    t = np.cumsum(window.dt) + np.where(np.arange(400) < 200, 0.0, 120.0)
+    known, wobble = KnownHeading(EULER[2], 1e-5), 1e-3  # rad
+    options = {"errors": sharp, "heading": known, "micro_turn": wobble}
+    paused = refined(window, quaternion(window.attitude), t=t, **options)
+    # rad; the gyros' random walk adds 1e-5
+    law = np.hypot(known.sigma, wobble * np.sqrt(2.0 / 201.0))
+    assert np.sqrt(paused.P_n[2, 2]) == pytest.approx(law, rel=0.02)
+    # Without a pause the gyros carry the heading.
+    carried = refined(window, quaternion(window.attitude), **options)
+    walk = sharp.arw * np.sqrt(200.0)
+    assert np.sqrt(carried.P_n[2, 2]) == pytest.approx(np.hypot(known.sigma, walk), rel=0.02)
 
 
 def test_without_the_turn_it_is_the_classical_filter() -> None:
@@ -530,6 +562,7 @@ WINDOW = still(45.0, rotation(*EULER), count=40)
     [
         ({"still": np.ones(39, bool)}, r"still must have shape \(40,\), got \(39,\)"),
         ({"t": np.full(40, np.nan)}, "t holds a value that is not finite"),
+        ({"t": np.minimum(np.arange(40.0), 7.0)}, "t must increase, row 8 does not"),
         ({"micro_motion": 0.0}, "micro_motion must be above 0 m/s, got 0.0"),
         ({"micro_turn": -1e-6}, "micro_turn must be above 0 rad"),
         ({"errors": SensorErrors(arw=-1.0)}, "arw must be above 0"),
@@ -565,7 +598,7 @@ def test_windows_that_cannot_be_aligned_are_refused() -> None:
 
 
 def spans(
-    samples: navgrade.ImuSamples, rows: slice | NDArray[np.bool_], count: int
+    samples: navgrade.ImuSamples, rows: slice | Mask, count: int
 ) -> tuple[Array, Array, Array]:
     """Durations and means of so many samples each."""
     dt, gyro, accel = (x[rows] for x in (samples.dt, samples.gyro, samples.accel))

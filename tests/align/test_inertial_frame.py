@@ -1,6 +1,8 @@
 """A swaying base: exact data give the exact attitude, noisy data the scatter predicted."""
 
-from dataclasses import fields
+from dataclasses import fields, replace
+from itertools import product
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,10 +13,11 @@ from scipy.stats import chi2
 from align import AlignmentError, SensorErrors, analytic_coarse
 from align.inertial_frame import InertialFrame, InertialSolution, inertial_frame
 from navgrade.imu import ImuSamples
-from navgrade.reconstruction import DEFAULT, reconstruct
+from navgrade.reconstruction import DEFAULT, reconstruct, to_increments
 from navgrade.simulate import Oscillation, Sinusoid, Sinusoids, imu_increments, true_trajectory
 from tests.align.at_rest import DEG, DEG_H, UG, Array, attitudes, error_n
 from tests.align.sway import Sway, Waves, edges
+from tests.align.test_recordings import CALGARY, KINGSTON, read
 from tests.oracles.constants import OMEGA
 from tests.oracles.gravity import normal_gravity_zonal
 
@@ -44,11 +47,12 @@ def rms(rows: list[Array]) -> Array:
 
 
 @pytest.mark.parametrize("lat_deg", [-80.0, -60.0, -33.9, -5.0, 0.0, 18.4, 51.08, 80.0])
-@pytest.mark.parametrize("turn", [Waves(), TWO_DEGREES], ids=["still", "2° sway"])
-def test_exact_increments_give_the_attitude(lat_deg: float, turn: Waves) -> None:
+def test_exact_increments_give_the_attitude(lat_deg: float) -> None:
     """Whatever the mounting. 1e-9 rad is 0.2 milliarcseconds, far below any sensor."""
-    felt = Sway(lat_deg * DEG, 300.0, (0.1, -0.2, 2.5), turn).feel(edges(60.0, 10.0))
-    for euler in attitudes():
+    base = Sway(lat_deg * DEG, 300.0, (0.1, -0.2, 2.5))
+    motions = [replace(base, turn=turn).feel(edges(60.0, 5.0)) for turn in (Waves(), TWO_DEGREES)]
+    for k, euler in enumerate(attitudes()):
+        felt = motions[k % 2]
         mounted = Rotation.from_euler("ZYX", euler[::-1])
         phi, dv = mounted.inv().apply(felt.phi), mounted.inv().apply(felt.dv)
         found = inertial_frame(felt.dt, phi, dv, lat_deg * DEG, 300.0)
@@ -68,7 +72,7 @@ def test_short_and_long_windows(lat_deg: float, seconds: float) -> None:
     # Rounding of |alpha|^2, a part in 1e16 of the square of g T.
     assert found.velocity_rms < 1e-7 * 9.8 * seconds
     assert abs(found.specific_force_residual) < 1e-12
-    assert abs(found.rate_residual_north) < 1e-12 * OMEGA / seconds * 1e3
+    assert abs(found.rate_residual_north) < 1e-9 * DEG_H
 
 
 def test_the_whole_chain_from_simulated_counts() -> None:
@@ -92,11 +96,17 @@ def test_the_whole_chain_from_simulated_counts() -> None:
     assert np.linalg.norm(error_n(frame.solution().q_nb, truth)) < 1e-8
 
 
+def numbers(of: object) -> list[Array]:
+    return [np.asarray(getattr(of, x.name)) for x in fields(of)]  # type: ignore[arg-type]
+
+
 def same(one: InertialSolution, two: InertialSolution) -> bool:
-    pairs = [(getattr(one, x.name), getattr(two, x.name)) for x in fields(one)]
-    curves = one.convergence, two.convergence
-    pairs += [(getattr(curves[0], x.name), getattr(curves[1], x.name)) for x in fields(curves[0])]
-    return all(np.array_equal(a, b) for a, b in pairs if a not in curves)
+    if one.budget != two.budget:
+        return False
+    rows = [
+        [x for x in (*numbers(s), *numbers(s.convergence)) if x.dtype != object] for s in (one, two)
+    ]
+    return all(np.array_equal(a, b) for a, b in zip(*rows, strict=True))
 
 
 def test_blocks_do_not_matter_bit_for_bit() -> None:
@@ -118,7 +128,7 @@ def test_sway(sway_deg: float) -> None:
     """Heading within 3 mrad after 120 s, where mean vectors (TRIAD) are off by 0.1 rad and more."""
     rng = np.random.default_rng(70)
     by_curve, by_means, shares = [], [], []
-    for _ in range(24):
+    for _ in range(16):
         felt = swaying(rng, 45.0 * DEG, sway_deg * DEG).feel(edges(120.0, 50.0))
         felt = felt.noisy(rng, NOISE.arw or 0.0, NOISE.vrw or 0.0)
         found = inertial_frame(*felt.samples, 45.0 * DEG, 20.0, errors=NOISE)
@@ -129,27 +139,33 @@ def test_sway(sway_deg: float) -> None:
         by_means.append((triad * felt.attitude.inv()).as_rotvec()[2])
     assert rms(by_curve)[2] < 3e-3
     assert rms(by_means) > 0.1
-    # 24 runs know a sigma to 14 %, here within three of these.
-    assert_allclose(rms(shares), 1.0, rtol=0.43)
+    # 16 runs know a sigma to 18 %, here within two and a half of these.
+    assert_allclose(rms(shares), 1.0, rtol=0.45)
 
 
 @pytest.mark.parametrize(("seconds", "metres"), [(60.0, 0.2), (120.0, 0.2), (300.0, 0.5)])
 def test_swell_that_moves_the_imu_counts_in_the_sigmas(seconds: float, metres: float) -> None:
-    """Heave, surge and sway; it rules at 60 s (40 mrad) and is gone at 300 s."""
+    """Heave, surge and sway; in heading it rules at 60 s (40 mrad) and is gone at 300 s."""
     rng = np.random.default_rng(71)
-    shares, velocities = [], []
-    for _ in range(40):
-        felt = swaying(rng, -50.0 * DEG, 2.0 * DEG, metres).feel(edges(seconds, 20.0))
+    shares, velocities, motions = [], [], []
+    for _ in range(30):
+        felt = swaying(rng, -50.0 * DEG, 2.0 * DEG, metres).feel(edges(seconds, 10.0))
         felt = felt.noisy(rng, NOISE.arw or 0.0, NOISE.vrw or 0.0)
         found = inertial_frame(*felt.samples, -50.0 * DEG, 20.0, errors=NOISE)
         shares.append(error_n(found.q_nb, felt.attitude) / np.sqrt(np.diag(found.P_n)))
         velocities.append(found.velocity_rms)
-        assert (found.budget[-1].azimuth > found.budget[3].azimuth) == (seconds < 100.0) or (
-            seconds == 120.0
-        )
-    # 40 runs know a sigma to 11 %, and where the swell rules four numbers tell it: to 35 %.
+        motions.append(found.budget[-1].azimuth / found.budget[-2].azimuth)
+    # 30 runs know a sigma to 13 %, and where the swell rules four numbers tell it: to 35 %.
     assert_allclose(rms(shares), 1.0, rtol=0.35)
-    # The velocity of three sinusoids of mean frequency 1/8.8 s.
+    if seconds == 60.0:
+        # The ends of the window turn tilt and heading alike.
+        _, east, down = np.transpose(shares)
+        together = np.mean(east * down) / np.sqrt(np.mean(east**2) * np.mean(down**2))
+        sigma = np.sqrt(np.diag(found.P_n))
+        assert found.P_n[1, 2] / (sigma[1] * sigma[2]) == pytest.approx(together, abs=0.1)
+    assert (np.median(motions) > 5.0) == (seconds == 60.0)
+    assert (np.median(motions) > 0.3) == (seconds < 300.0)
+    # Three sinusoids of mean frequency 1/8.8 s.
     assert_allclose(np.mean(velocities), metres * np.sqrt(1.5) * 2.0 * np.pi / 8.8, rtol=0.1)
 
 
@@ -158,9 +174,9 @@ def test_a_base_that_leaves_is_recognised() -> None:
     felt = Sway(0.8, euler=(0.0, 0.02, 1.0), leaves=(0.2, 0.1, 0.0)).feel(edges(300.0, 20.0))
     found = inertial_frame(*felt.samples, 0.8, 0.0, errors=NAVIGATION)
     assert found.velocity_rms > 1.0
-    # Off by more than a radian, and the sigma says so.
+    # Heading is worth nothing, and the sigma says so.
     assert found.budget[-1].source == "motion of the base"
-    assert found.budget[-1].azimuth > 0.3
+    assert found.budget[-1].azimuth > 0.1 > 50.0 * found.budget[-2].azimuth
 
 
 def small_errors(errors: SensorErrors, lat: float, noise: Array, biases: Array, dt: float) -> Array:
@@ -204,28 +220,40 @@ def small_errors(errors: SensorErrors, lat: float, noise: Array, biases: Array, 
 GRADES = pytest.mark.parametrize("errors", [NAVIGATION, TACTICAL], ids=["navigation", "tactical"])
 
 
-@GRADES
-@pytest.mark.parametrize("seconds", [60.0, 300.0, 600.0])
-@pytest.mark.parametrize("lat_deg", [0.0, 45.0, 70.0])
-def test_predicted_covariance(errors: SensorErrors, seconds: float, lat_deg: float) -> None:
-    rng = np.random.default_rng([72, int(seconds), int(lat_deg)])
-    lat, dt = lat_deg * DEG, 0.5
-    felt = Sway(lat, 0.0, (0.3, -0.2, 2.0)).feel(edges(seconds, 1.0 / dt))
-    n = len(felt.dt)
-    noise, biases = rng.standard_normal((2, 2, n, RUNS)), rng.standard_normal((2, 2, RUNS))
-    runs = small_errors(errors, lat, noise, biases, dt)
-    predicted = inertial_frame(*felt.samples, lat, 0.0, errors=errors)
-    sigma = np.sqrt(np.diag(predicted.P_n))
-    # The scatter of 400 runs is known to 3.5 %.
-    assert_allclose(rms(list(runs.T)) / sigma, 1.0, rtol=0.12)
-    correlations = runs @ runs.T / RUNS / np.outer(sigma, sigma)
-    # Known to 0.05; three of these.
-    assert_allclose(correlations, predicted.P_n / np.outer(sigma, sigma), rtol=0.0, atol=0.24)
-    statistic = np.einsum("is,ij,js->", runs, np.linalg.inv(predicted.P_n), runs)
-    low, high = chi2.ppf([0.025, 0.975], 3 * RUNS)
-    assert low < statistic < high
-    squares = np.sum([(x.tilt**2, x.azimuth**2) for x in predicted.budget], axis=0)
-    assert_allclose(squares, np.diag(predicted.P_n)[[0, 2]], rtol=1e-12)
+@pytest.mark.parametrize(
+    "errors", [NOISE, NAVIGATION, TACTICAL], ids=["noise only", "navigation", "tactical"]
+)
+def test_predicted_covariance(errors: SensorErrors) -> None:
+    """At 60, 300 and 600 s, latitudes 0, 45 and 70, 400 runs each."""
+    rng, dt = np.random.default_rng(72), 0.5
+    together = 0.0
+    for seconds, lat in product((60.0, 300.0, 600.0), (0.0, 45.0 * DEG, 70.0 * DEG)):
+        felt = Sway(lat, 0.0, (0.3, -0.2, 2.0)).feel(edges(seconds, 1.0 / dt))
+        noise = rng.standard_normal((2, 2, len(felt.dt), RUNS))
+        runs = small_errors(errors, lat, noise, rng.standard_normal((2, 2, RUNS)), dt)
+        predicted = inertial_frame(*felt.samples, lat, 0.0, errors=errors)
+        sigma = np.sqrt(np.diag(predicted.P_n))
+        # The scatter of 400 runs is known to 3.5 %.
+        assert_allclose(rms(list(runs.T)) / sigma, 1.0, rtol=0.12)
+        # Known to 0.05, here within four of these.
+        correlations = runs @ runs.T / RUNS / np.outer(sigma, sigma)
+        assert_allclose(correlations, predicted.P_n / np.outer(sigma, sigma), rtol=0.0, atol=0.2)
+        together += np.einsum("is,ij,js->", runs, np.linalg.inv(predicted.P_n), runs)
+        squares = np.sum([(x.tilt**2, x.azimuth**2) for x in predicted.budget], axis=0)
+        assert_allclose(squares, np.diag(predicted.P_n)[[0, 2]], rtol=1e-12)
+    low, high = chi2.ppf([0.025, 0.975], 9 * 3 * RUNS)
+    assert low < together < high
+
+
+@pytest.mark.parametrize("lat_deg", [-70.0, 0.0, 45.0])
+def test_covariance_of_accelerometer_biases_alone(lat_deg: float) -> None:
+    """That of (-b_E, b_N, tan(lat) b_E) / g."""
+    felt = Sway(lat_deg * DEG).feel(edges(20.0, 5.0))
+    found = inertial_frame(*felt.samples, lat_deg * DEG, 0.0, errors=SensorErrors(accel_bias=UG))
+    law = np.array([[0.0, -1.0], [1.0, 0.0], [0.0, np.tan(lat_deg * DEG)]])
+    law *= UG / float(normal_gravity_zonal(lat_deg * DEG, 0.0).down)
+    # Rounding that the tests for motion may take for it.
+    assert_allclose(found.P_n, law @ law.T, rtol=1e-9, atol=1e-18)
 
 
 @GRADES
@@ -328,7 +356,7 @@ def test_the_gap_is_that_of_the_sum_of_squares() -> None:
     rate = OMEGA * np.array([np.cos(0.7), 0.0, -np.sin(0.7)])
     b = (Rotation.from_rotvec(rate * t[-1]) * start).apply(a)
 
-    def product(v: Array, sign: float) -> Array:
+    def times(v: Array, sign: float) -> Array:
         x, y, z = v
         return np.array(
             [
@@ -341,11 +369,46 @@ def test_the_gap_is_that_of_the_sum_of_squares() -> None:
 
     K = np.zeros((4, 4))
     for w, v_b, v_n in zip(weight, a, b, strict=True):
-        difference = product(v_n, 1.0) - product(v_b, -1.0)
+        difference = times(v_n, 1.0) - times(v_b, -1.0)
         K += w * difference.T @ difference
     values = np.linalg.eigvalsh(K)
     # The smallest is a part in 1e13 of the gap.
     assert found.gap == pytest.approx((values[1] - values[0]) / values[3], rel=1e-6)
+
+
+def from_log(
+    folder: Path, name: str, axes: str, window: tuple[float, float], errors: SensorErrors
+) -> tuple[InertialSolution, Rotation]:
+    """Align a stretch of a recording; also by its means (TRIAD)."""
+    site = KINGSTON if "kingston" in name else CALGARY
+    imu = read(folder, name, axes)
+    first, stop = np.searchsorted(imu.t, window, side="right")
+    imu = imu[slice(int(first), int(stop))]
+    frame = InertialFrame(*site, errors=errors)
+    for body in reconstruct(to_increments(imu.blocks(8192)), DEFAULT):
+        frame.add(body.dt, body.phi, body.dv)
+    means = analytic_coarse(imu.dt @ imu.accel, imu.dt @ imu.gyro)
+    return frame.solution(), Rotation.from_matrix(means)
+
+
+@pytest.mark.parametrize("name", ["calgary_ln100_x_up.mcap", "calgary_ln100_x_down.mcap"])
+def test_a_recorded_imu_at_rest(shared_data: Path, name: str) -> None:
+    """LN-100, pitch ±90°: both methods feel the same biases and differ by noise alone."""
+    found, triad = from_log(shared_data, name, "FRD", (-1.0, 400.0), NAVIGATION)
+    difference = error_n(found.q_nb, triad)
+    assert abs(difference[2]) < 5e-3  # rad: three times the gyro noise stated
+    assert np.linalg.norm(difference[:2]) < 2e-5  # rad: end against mean, gyro noise of 300 s
+    assert found.velocity_rms < 0.01
+
+
+def test_a_recorded_car_parked_and_leaving(shared_data: Path) -> None:
+    name = "kingston_hg1700_drive.mcap"
+    parked, triad = from_log(shared_data, name, "RFU", (5.0, 520.0), TACTICAL)
+    assert abs(error_n(parked.q_nb, triad)[2]) < 3.0 * parked.budget[3].azimuth
+    assert parked.velocity_rms < 0.1
+    leaving, _ = from_log(shared_data, name, "RFU", (520.0, 640.0), TACTICAL)
+    assert leaving.velocity_rms > 1.0
+    assert leaving.budget[-1].azimuth > 1.0
 
 
 def test_refusals() -> None:

@@ -214,13 +214,22 @@ def test_a_residual_the_stated_errors_do_not_allow_is_mentioned(lat_deg: float) 
 
 def test_without_stated_errors_the_residuals_stand_for_them() -> None:
     window = still(45.0, rotation(*EULER))
-    felt = window.plus_n(gyro=(0.03 * DEG_H, 0.0, 0.04 * DEG_H), accel=(0.0, 0.0, 300.0 * UG))
+    gyro = (0.03 * DEG_H, 0.0, 0.04 * DEG_H)
+    felt = window.plus_n(gyro=gyro, accel=(0.0, 0.0, 3000.0 * UG))
     result = align_static(*felt.samples)
-    assert found_in(result, "|f| differs", "-2.942 mm/s²", "no bias is stated")
+    assert found_in(result, "|f| differs", "-29.420 mm/s²", "no bias is stated")
     assert found_in(result, "+0.040 deg/h about down", "no bias is stated")
-    assert result.tilt_sigma == pytest.approx(300.0 * UG / window.g, rel=1e-5)
-    shown = SensorErrors(gyro_bias=np.sqrt(0.00125) * DEG_H, accel_bias=300.0 * UG)
+    assert result.tilt_sigma == pytest.approx(3000.0 * UG / window.g, rel=1e-5)
+    shown = SensorErrors(gyro_bias=np.sqrt(0.00125) * DEG_H, accel_bias=3000.0 * UG)
     assert result.azimuth_sigma == pytest.approx(gyro_sigma(45.0, shown), rel=1e-5)
+
+
+def test_a_small_residual_force_proves_no_good_accelerometers() -> None:
+    """It is that of one axis, and may be small by luck: 1 mg stands for what nobody states."""
+    window = still(45.0, rotation(*EULER))
+    result = align_static(*window.plus_n(accel=(0.0, 0.0, 300.0 * UG)).samples)
+    assert found_in(result, "-2.942 mm/s²", "1000 µg stand for its sigma")
+    assert result.tilt_sigma == pytest.approx(1000.0 * UG / window.g, rel=1e-5)
 
 
 @pytest.mark.parametrize("lat_deg", [-33.9, 8.0])

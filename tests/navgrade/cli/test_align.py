@@ -102,7 +102,7 @@ def test_a_known_heading_is_used_where_gyros_are_weak(bench: Bench) -> None:
     )
     bench.write(imu_channel(resting(20.0, 50.0)), site=site)
     found = report(bench)
-    assert found["method"] == "leveling+known-heading"
+    assert found["method"] == "known-heading"
     assert found["heading_deg"] == pytest.approx(75.0, abs=1e-9)
     assert found["heading_sigma_deg"] == pytest.approx(2.0, rel=1e-2)
 
