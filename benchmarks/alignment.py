@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import os
 import re
 import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +18,6 @@ from scipy.stats import chi2
 
 from align import (
     Alignment,
-    AlignmentError,
     InertialFrame,
     KnownHeading,
     Position,
@@ -27,7 +25,6 @@ from align import (
     align_fine,
     align_positions,
     align_static,
-    align_swaying,
     align_together,
     analytic_coarse,
     fine_align,
@@ -43,7 +40,6 @@ from align.stillness import find_still
 from align.wahba import vectors_at_rest
 from earth.gravity import normal_gravity_n
 from earth.rates import omega_ie_n
-from earth.rotation import rotvec_from_quat
 from navgrade.alignment import AlignedWindow, align_log, align_logs
 from navgrade.errors import NavgradeError
 from navgrade.job import Choices, open_log
@@ -52,7 +48,6 @@ from tests.align.at_rest import DEG, DEG_H, UG, Window, attitudes, error_n, rota
 from tests.align.slams import GRADES as NOISE_GRADES
 from tests.align.slams import Disturbed, noise, slams, walkers
 from tests.align.sway import Sway, Waves, edges
-from tests.oracles.constants import OMEGA
 
 Array = NDArray[np.float64]
 
@@ -453,19 +448,17 @@ def _shares(
 
 def false_alarms() -> Iterator[str]:
     """Lines of a table: false alarms in white noise beside the stated rate."""
-    yield "| grade | Hz | stated 1e-2 | 1e-3 | 1e-4 |"
+    yield "| Hz | 1e-2 stated | 1e-3 stated | 1e-4 stated | spans |"
     yield "|---|---|---|---|---|"
-    for grade in NOISE_GRADES:
-        for rate in (100.0, 1000.0):
-            counts, total = np.zeros(3), 0
-            for run in range(10):
-                rng = np.random.default_rng([55, run, len(grade)])
-                spans = _white(rng, rate, 1800.0, grade)
-                total += len(spans)
-                for k, stated in enumerate((1e-2, 1e-3, 1e-4)):
-                    counts[k] += find_still(spans, false_alarm=stated).alarms.sum()
-            measured = " | ".join(f"{x / total:.2g}" for x in counts)
-            yield f"| {grade} | {rate:.0f} | {measured} |"
+    for rate in (100.0, 1000.0):
+        counts, total = np.zeros(3), 0
+        for run in range(10):
+            spans = _white(np.random.default_rng([55, run]), rate, 1800.0, "navigation")
+            total += len(spans)
+            for k, stated in enumerate((1e-2, 1e-3, 1e-4)):
+                counts[k] += find_still(spans, false_alarm=stated).alarms.sum()
+        measured = " | ".join(f"{x / total:.1e}" for x in counts)
+        yield f"| {rate:.0f} | {measured} | {total} |"
 
 
 def _white(rng: np.random.Generator, rate: float, seconds: float, grade: str) -> Spans:
@@ -512,15 +505,18 @@ duration_s = 515.0
 _OEM7 = _LN100.replace("[imu]\n", '[imu]\ntopic = "/gps/imu"\n')
 
 
+Known = tuple[float | None, float | None, float | None]  # roll, pitch, heading, deg
+
+
 def recordings() -> Iterator[str]:
     """Lines of a table: alignments of real recordings beside what is known of them."""
     if not SHARED.is_dir():
         print("no ../shared/data: the recordings are left out")
         return
     up, down = "calgary_ln100_x_up.mcap", "calgary_ln100_x_down.mcap"
-    yield "| recording | method | roll | pitch | heading | known |"
-    yield "|---|---|---|---|---|---|"
-    facts = {up: "pitch 89.66°", down: "pitch −89.54°"}
+    yield "| recording | method | roll | pitch | heading | known | error/σ |"
+    yield "|---" * 7 + "|"
+    facts: dict[str, Known] = {up: (None, 89.66, None), down: (None, -89.54, None)}
     for name, known in facts.items():
         for method in ("triad", "fine"):
             (found,) = _aligned(_LN100, [name], method)
@@ -531,29 +527,32 @@ def recordings() -> Iterator[str]:
     car = "kingston_hg1700_drive.mcap"
     for method in ("triad", "fine", "inertial"):
         (found,) = _aligned(_KINGSTON, [car], method)
-        yield _recorded(car, found, "−0.246°, −0.339°, 201°")
+        yield _recorded(car, found, (-0.226, -0.321, 201.0))
     oem7 = "novatel_oem7_parked.mcap"
     try:
         _aligned(_OEM7, [oem7], "auto")
     except NavgradeError as error:
-        yield f"| `{oem7}` | refused: {str(error).split(':')[0]} | | | | without gravity |"
+        yield f"| `{oem7.removesuffix('.mcap')}` | refused | | | | without gravity | |"
+        yield ""
+        yield f"The refusal: *{error}*."
     else:
-        yield f"| `{oem7}` | NOT REFUSED | | | | without gravity |"
+        yield f"| `{oem7}` | NOT REFUSED | | | | without gravity | |"
     yield ""
     yield from _of_two(both)
 
 
-def _recorded(name: str, aligned: AlignedWindow, known: str) -> str:
+def _recorded(name: str, aligned: AlignedWindow, known: Known) -> str:
     r = aligned.result
-    cells = [
-        f"{angle / DEG:.3f}° ± {sigma / DEG:.2g}°"
-        for angle, sigma in (
-            (r.roll, r.roll_sigma),
-            (r.pitch, r.pitch_sigma),
-            (r.heading, r.heading_sigma),
-        )
+    angles = (r.roll, r.roll_sigma), (r.pitch, r.pitch_sigma), (r.heading, r.heading_sigma)
+    cells = [f"{angle / DEG:.3f}° ± {sigma / DEG:.2g}°" for angle, sigma in angles]
+    units = [
+        abs(angle / DEG - fact) * DEG / sigma
+        for (angle, sigma), fact in zip(angles, known, strict=True)
+        if fact is not None
     ]
-    return f"| `{name.removesuffix('.mcap')}` | {r.method} | {' | '.join(cells)} | {known} |"
+    facts = ", ".join(f"{fact:g}°" for fact in known if fact is not None)
+    name = name.removesuffix(".mcap")
+    return f"| `{name}` | {r.method} | {' | '.join(cells)} | {facts} | {max(units):.2f} |"
 
 
 def _of_two(both: list[AlignedWindow]) -> Iterator[str]:
@@ -602,7 +601,50 @@ def _aligned(text: str, names: list[str], method: str) -> list[AlignedWindow]:
         return [align_log(logs[0], site, method, level_allowed=True)]
 
 
+# Survey data
+
+_MARKS = ROOT / "tests" / "align" / "marks"
+_SURVEYED = """\
+[imu]
+kind = "increment"
+[imu.errors]
+gyro_bias_deg_h = 1.0
+accel_bias_ug = 500.0
+[site]
+marks = "{}"
+mark = "PIER 1"
+[azimuth]
+to = "AZ MK"
+"""
+
+
+def survey() -> Iterator[str]:
+    """Lines of a table: one log aligned by what files of three kinds say of the same line."""
+    yield "| file | latitude | longitude | height | heading | method |"
+    yield "|---" * 6 + "|"
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        scenario, log = folder / "still.toml", folder / "log.mcap"
+        text = _SCENARIO.format(60.0).replace("heading_deg = 137.0", "heading_deg = 63.4")
+        scenario.write_text(text.replace("1000.0", "100.0"))
+        _timed("simulate", scenario, "-o", log)
+        for file in ("surveyor.csv", "datasheet.txt", "solution.snx", "points.geojson"):
+            path = folder / "site.toml"
+            path.write_text(_SURVEYED.format(_MARKS / file))
+            site = read_site(path)
+            assert site.place is not None
+            r = align_log(open_log(log, site, Choices()), site).result
+            yield (
+                f"| `{file}` | {site.place.lat / DEG:.9f}° | {site.place.lon / DEG:.9f}° "
+                f"| {site.place.h:.4f} m | {r.heading / DEG:.6f}° ± {r.heading_sigma / DEG:.4f}° "
+                f"| {r.method} |"
+            )
+
+
 # Two positions
+
+
+_TURN_SIGMA = 1e-6  # rad
 
 
 def half_turn() -> Iterator[str]:
@@ -610,7 +652,7 @@ def half_turn() -> Iterator[str]:
     rng = np.random.default_rng(56)
     errors = _NAVIGATION
     windows = [still(45.0, rotation(0.0, 0.0, 0.7 + turn), count=1) for turn in (0.0, np.pi)]
-    half = (windows[0].attitude.inv() * windows[1].attitude).as_quat(scalar_first=True)
+    half = windows[0].attitude.inv() * windows[1].attitude
     off: dict[str, list[tuple[Array, Array]]] = {}
     for _ in range(RUNS):
         e = Stated.of(errors)
@@ -623,13 +665,13 @@ def half_turn() -> Iterator[str]:
             )
             for k, w in enumerate(windows)
         ]
+        off_turn = Rotation.from_rotvec(_TURN_SIGMA * rng.normal(size=3))
+        turn = (off_turn * half).as_quat(scalar_first=True)
         for known in (True, False):
-            positions = [
-                Position(*rows[0], 150.0),
-                Position(*rows[1], 150.0, turn=half, turn_sigma=1e-6)
-                if known
-                else Position(*rows[1], 150.0),
-            ]
+            second = Position(*rows[1], 150.0)
+            if known:
+                second = replace(second, turn=turn, turn_sigma=_TURN_SIGMA)
+            positions = [Position(*rows[0], 150.0), second]
             found = align_positions(positions, windows[0].lat, 0.0, errors=errors)
             name = "two positions, turn known to 1 µrad" if known else "two positions, turn unknown"
             off.setdefault(name, []).append(
@@ -718,6 +760,7 @@ SECTIONS: dict[str, Callable[[], Iterator[str]]] = {
     "variants": variants,
     "half-turn": half_turn,
     "exact": exact,
+    "survey": survey,
     "stillness": stillness,
     "false-alarms": false_alarms,
     "sway": sway,
