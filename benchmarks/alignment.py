@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import os
 import re
+import subprocess
 import sys
 import tempfile
+import textwrap
 import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
@@ -329,14 +331,18 @@ def variants() -> Iterator[str]:
 
 def budgets() -> Iterator[str]:
     """Lines of a table: what each error adds to tilt and heading after 300 s, 1-sigma."""
-    yield "| grade | latitude | source | tilt, µrad | heading, mrad |"
-    yield "|---|---|---|---|---|"
+    headings = [f"heading {lat_deg:.0f}°" for lat_deg in LATITUDES]
+    yield f"| grade | source | tilt | {' | '.join(headings)} |"
+    yield "|---" * (3 + len(headings)) + "|"
     for grade, errors in GRADES.items():
-        for lat_deg in LATITUDES:
-            found = budget_at(errors, lat_deg)
-            for line in found.budget:
-                tilt, azimuth = line.tilt / _URAD, line.azimuth / _MRAD
-                yield f"| {grade} | {lat_deg:.0f}° | {line.source} | {tilt:.3g} | {azimuth:.3g} |"
+        found = [budget_at(errors, lat_deg) for lat_deg in LATITUDES]
+        for k, line in enumerate(found[1].budget):
+            cells = [f"{r.budget[k].azimuth / _MRAD:.2g} mrad" for r in found]
+            tilt = f"{line.tilt / _URAD:.2g} µrad"
+            yield f"| {grade} | {line.source} | {tilt} | {' | '.join(cells)} |"
+        cells = [f"{r.azimuth_sigma / _MRAD:.3g} mrad" for r in found]
+        tilt = f"{found[1].tilt_sigma / _URAD:.3g} µrad"
+        yield f"| {grade} | all | {tilt} | {' | '.join(cells)} |"
 
 
 def budget_at(errors: SensorErrors, lat_deg: float, seconds: float = 300.0) -> Alignment:
@@ -514,8 +520,8 @@ def recordings() -> Iterator[str]:
         print("no ../shared/data: the recordings are left out")
         return
     up, down = "calgary_ln100_x_up.mcap", "calgary_ln100_x_down.mcap"
-    yield "| recording | method | roll | pitch | heading | known | error/σ |"
-    yield "|---" * 7 + "|"
+    yield "| recording | method | s used | roll | pitch | heading | known | error/σ |"
+    yield "|---" * 8 + "|"
     facts: dict[str, Known] = {up: (None, 89.66, None), down: (None, -89.54, None)}
     for name, known in facts.items():
         for method in ("triad", "fine"):
@@ -532,11 +538,11 @@ def recordings() -> Iterator[str]:
     try:
         _aligned(_OEM7, [oem7], "auto")
     except NavgradeError as error:
-        yield f"| `{oem7.removesuffix('.mcap')}` | refused | | | | without gravity | |"
+        yield f"| `{oem7.removesuffix('.mcap')}` | refused | | | | | without gravity | |"
         yield ""
-        yield f"The refusal: *{error}*."
+        yield from textwrap.wrap(f"The refusal: *{error}*.", 105)
     else:
-        yield f"| `{oem7}` | NOT REFUSED | | | | without gravity | |"
+        yield f"| `{oem7}` | NOT REFUSED | | | | | without gravity | |"
     yield ""
     yield from _of_two(both)
 
@@ -552,7 +558,10 @@ def _recorded(name: str, aligned: AlignedWindow, known: Known) -> str:
     ]
     facts = ", ".join(f"{fact:g}°" for fact in known if fact is not None)
     name = name.removesuffix(".mcap")
-    return f"| `{name}` | {r.method} | {' | '.join(cells)} | {facts} | {max(units):.2f} |"
+    return (
+        f"| `{name}` | {r.method} | {r.duration:.0f} | {' | '.join(cells)} | {facts} "
+        f"| {max(units):.2f} |"
+    )
 
 
 def _of_two(both: list[AlignedWindow]) -> Iterator[str]:
@@ -562,16 +571,17 @@ def _of_two(both: list[AlignedWindow]) -> Iterator[str]:
     assert r.accel_bias is not None and r.accel_bias_sigma is not None
     readings = [_mean_force(x) for x in ("calgary_ln100_x_up.mcap", "calgary_ln100_x_down.mcap")]
     half_sum = 0.5 * (readings[0] + readings[1])
-    yield (
+    down = " and ".join(f"{x.result.rate_residual_down / DEG_H:+.3f}" for x in both)
+    force = " and ".join(f"{x.result.specific_force_residual * 1e3:+.2f}" for x in both)
+    text = (
         f"The LN-100 by both positions: x gyro bias {r.gyro_bias[0] / DEG_H:+.3f} ± "
         f"{r.gyro_bias_sigma[0] / DEG_H:.2g} °/h, x accelerometer bias "
         f"{r.accel_bias[0] * 1e3:+.3f} ± {r.accel_bias_sigma[0] * 1e3:.2g} mm/s²; half the sum of "
-        f"the two x readings is {half_sum * 1e3:+.3f} mm/s². The rate about down is then "
-        + " and ".join(f"{x.result.rate_residual_down / DEG_H:+.3f}" for x in both)
-        + " °/h from the Earth's. Unobservable: "
-        + "; ".join(r.unobservable)
-        + "."
+        f"the two x readings is {half_sum * 1e3:+.3f} mm/s². The rate about down is then {down} "
+        f"°/h from the Earth's, and |f| from gravity by {force} mm/s², which scale factors or gravity "
+        f"may make. Unobservable: {'; '.join(r.unobservable)}."
     )
+    yield from textwrap.wrap(text, 105)
 
 
 def _mean_force(name: str) -> float:
@@ -739,15 +749,13 @@ def speed() -> Iterator[str]:
 
 
 def _timed(*arguments: object) -> str:
+    command = [sys.executable, "-m", "navgrade", *map(str, arguments)]
     began = time.perf_counter()
-    with tempfile.TemporaryFile() as out:
-        command = [sys.executable, "-m", "navgrade", *map(str, arguments)]
-        actions = [(os.POSIX_SPAWN_DUP2, out.fileno(), 1)]
-        os.chdir(ROOT)
-        pid = os.posix_spawn(sys.executable, command, os.environ, file_actions=actions)
-        _, status, used = os.wait4(pid, 0)
-    if status:
-        raise RuntimeError(f"{' '.join(command)} ended with {status}")
+    with subprocess.Popen(command, cwd=ROOT, stdout=subprocess.DEVNULL) as process:
+        _, status, used = os.wait4(process.pid, 0)  # of this child alone
+        process.returncode = os.waitstatus_to_exitcode(status)
+    if process.returncode:
+        raise subprocess.CalledProcessError(process.returncode, command)
     processor = used.ru_utime + used.ru_stime
     return f"{time.perf_counter() - began:.1f} | {processor:.1f} | {used.ru_maxrss / 1024:.0f}"
 
