@@ -578,8 +578,8 @@ def _of_two(both: list[AlignedWindow]) -> Iterator[str]:
         f"{r.gyro_bias_sigma[0] / DEG_H:.2g} °/h, x accelerometer bias "
         f"{r.accel_bias[0] * 1e3:+.3f} ± {r.accel_bias_sigma[0] * 1e3:.2g} mm/s²; half the sum of "
         f"the two x readings is {half_sum * 1e3:+.3f} mm/s². The rate about down is then {down} "
-        f"°/h from the Earth's, and |f| from gravity by {force} mm/s², which scale factors or gravity "
-        f"may make. Unobservable: {'; '.join(r.unobservable)}."
+        f"°/h from the Earth's, and |f| {force} mm/s² from gravity, by a scale factor or by gravity "
+        f"itself. Unobservable: {'; '.join(r.unobservable)}."
     )
     yield from textwrap.wrap(text, 105)
 
