@@ -17,7 +17,7 @@ Array = NDArray[np.float64]
 _DEGREES_IN_RADIAN = 1.0 / DEG
 _LATITUDE_OFF = 10.0 * DEG  # between implied and surveyed latitude: a mistake, not a bias
 _STEADY_TURN = 1.0 * DEG  # rad/s: with steady specific force, more than any gyro's bias
-_SIGNIFICANT = 3.0  # sigmas
+_SIGNIFICANT = 5.0  # sigmas: it refuses
 
 
 @dataclass(frozen=True)

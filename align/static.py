@@ -78,6 +78,7 @@ def align_static(
     known_heading: KnownHeading | None = None,
     method: str = "auto",
     lon: float | None = None,
+    convergence: bool = True,
     ellipsoid: Ellipsoid = WGS84,
 ) -> Alignment:
     """Find the attitude of a body at rest from one window of IMU samples.
@@ -101,6 +102,8 @@ def align_static(
         Of `STATIC_METHODS`, or ``auto``.
     lon : float, optional
         Longitude, rad, to recognise one that was swapped with the latitude.
+    convergence : bool
+        Also align growing parts of the window, which takes most of the time.
     ellipsoid : Ellipsoid
 
     Returns
@@ -150,7 +153,9 @@ def align_static(
     attitude = _attitude(method, window, known_heading)
     q_nb = attitude(window.f_ib_b, window.omega_ib_b)
     euler = euler_from_quat(q_nb)
-    curve = _convergence(dt, omega_ib_b, f_ib_b, window, attitude, method)
+    curve = None
+    if convergence:
+        curve = _convergence(dt, omega_ib_b, f_ib_b, window, attitude, method)
     common = {
         "gyro_heading": gyros.heading,
         "gyro_heading_sigma": gyros.sigma,

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from align.errors import AlignmentError
+from earth.rotation import cross
 
 Array = NDArray[np.float64]
 Variant = Literal["gravity-first", "rate-first", "inverse"]
@@ -46,7 +47,7 @@ def triad(v1_n: ArrayLike, v2_n: ArrayLike, v1_b: ArrayLike, v2_b: ArrayLike) ->
 def _axes(first: ArrayLike, second: ArrayLike) -> Array:
     """Columns: along `first`, across both, and what completes them."""
     u, v = _unit(first), _unit(second)
-    across = np.cross(u, v)
+    across = np.array(cross(u, v))
     sine = float(np.linalg.norm(across))
     if sine < PARALLEL:
         raise AlignmentError(
@@ -54,7 +55,7 @@ def _axes(first: ArrayLike, second: ArrayLike) -> Array:
             "differ"
         )
     across /= sine
-    return np.stack([u, across, np.cross(u, across)], axis=-1)
+    return np.stack([u, across, np.array(cross(u, across))], axis=-1)
 
 
 def _unit(vector: ArrayLike) -> Array:
@@ -124,7 +125,7 @@ def analytic_coarse(
         raise ValueError(f"variant must be one of {', '.join(get_args(Variant))}, got {variant!r}")
     f, omega = np.asarray(f_ib_b, float), np.asarray(omega_ib_b, float)
     lengths = float(np.linalg.norm(f)) * float(np.linalg.norm(omega))
-    if not np.linalg.norm(np.cross(f, omega)) > PARALLEL * lengths:
+    if not np.linalg.norm(cross(f, omega)) > PARALLEL * lengths:
         raise AlignmentError(
             "specific force and angular rate are parallel: at a pole, or without a rotation to "
             "sense, north is undefined; give a heading"

@@ -187,7 +187,8 @@ def chosen_method(site: Site, method: str | None) -> str:
     value = method or site.method or "auto"
     if value not in METHODS:
         raise ConfigError(
-            f"alignment method {value!r} is not one of {', '.join(METHODS)}",
+            f"{'--method' if method else 'alignment.method'}: {value!r} is not one of "
+            f"{', '.join(METHODS)}",
             file=None if method else site.file,
             key="alignment.method",
         )

@@ -13,9 +13,9 @@ from navgrade.compare.result import Comparison
 from navgrade.compare.verdict import length_text, time_text
 from navgrade.job import RunSummary
 from navgrade.logs import ImuLog
-from navgrade.site import Site
 from navgrade.report.alignment import differs
 from navgrade.report.words import readable_angle
+from navgrade.site import Site
 
 _STRETCHES = 6  # shown, at most
 

@@ -1,58 +1,76 @@
 """The sigmas an alignment predicts are the scatter it has."""
 
+from itertools import product
+
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from scipy.stats import chi2
 
-from align import KnownHeading, SensorErrors, align_static
+from align import KnownHeading, SensorErrors, WeakGyrosError, align_static
 from align.accuracy import euler_sigmas, heading_sigma, tilt_sigma
 from earth import Ellipsoid
 from tests.align.at_rest import DEG, DEG_H, HALF, UG, Array, error_n, rotation, still
 from tests.oracles.constants import OMEGA
 
-RUNS = 300
+RUNS = 400
 ARW = 0.003 * DEG / 60.0  # rad/sqrt(s), navigation grade: 0.003 deg/sqrt(h)
 VRW = 10.0 * UG  # (m/s)/sqrt(s)
 NOISE_ONLY = SensorErrors(gyro_bias=0.0, accel_bias=0.0, arw=ARW, vrw=VRW)
-BIASED = SensorErrors(gyro_bias=0.01 * DEG_H, accel_bias=50.0 * UG, arw=ARW, vrw=VRW)
+NAVIGATION = SensorErrors(gyro_bias=0.01 * DEG_H, accel_bias=50.0 * UG, arw=ARW, vrw=VRW)
 TACTICAL = SensorErrors(
-    gyro_bias=0.3 * DEG_H, accel_bias=500.0 * UG, arw=0.02 * DEG / 60.0, vrw=50.0 * UG
+    gyro_bias=1.0 * DEG_H, accel_bias=500.0 * UG, arw=0.1 * DEG / 60.0, vrw=50.0 * UG
 )
 
 
-@pytest.mark.parametrize("lat_deg", [0.0, 45.0, 70.0, -70.0])
-@pytest.mark.parametrize(
-    "errors", [NOISE_ONLY, BIASED, TACTICAL], ids=["noise only", "biased", "tactical"]
-)
-def test_predicted_sigmas_match_the_scatter(lat_deg: float, errors: SensorErrors) -> None:
-    """100 s of a 100 Hz IMU, as means over a quarter of a second; biases drawn anew each run."""
+@pytest.mark.parametrize("errors", [NAVIGATION, TACTICAL], ids=["navigation", "tactical"])
+def test_predicted_sigmas_match_the_scatter(errors: SensorErrors) -> None:
+    """400 windows each of 60, 300 and 600 s at latitudes 0, 45 and 70°."""
+    squares, runs = 0.0, 0
+    for lat_deg, seconds in product((0.0, 45.0, 70.0), (60.0, 300.0, 600.0)):
+        found, predicted, square = _windows(errors, lat_deg, seconds)
+        tilt = np.hypot(errors.accel_bias, errors.vrw / np.sqrt(seconds))  # type: ignore[operator]
+        rate = np.hypot(errors.gyro_bias, errors.arw / np.sqrt(seconds))  # type: ignore[operator]
+        lat = lat_deg * DEG
+        tilt /= still(lat_deg, rotation(0, 0, 0)).g
+        azimuth = np.hypot(rate / (OMEGA * np.cos(lat)), np.tan(lat) * tilt)
+        scatter = np.sqrt(np.mean(np.square(found), axis=0))
+        # Relative: the scatter of 400 runs is known to 3.5 %; a heading off by 14° is not linear
+        # in the rates any more, which costs 4 % more.
+        np.testing.assert_allclose(scatter, [tilt, tilt, azimuth], rtol=0.12)
+        np.testing.assert_allclose(np.mean(predicted, axis=0), [tilt, tilt, azimuth], rtol=0.03)
+        assert len(found) > 0.99 * RUNS  # of chance that proves gyros worse than stated
+        if azimuth < 0.1:  # rad; beyond, curvature alone leaves the bounds
+            squares, runs = squares + sum(square), runs + len(square)
+    low, high = chi2.ppf([0.025, 0.975], 3 * runs)
+    assert low < squares < high
+
+
+def _windows(
+    errors: SensorErrors, lat_deg: float, seconds: float
+) -> tuple[list[Array], list[Array], list[float]]:
+    """Errors, predicted sigmas, and errors over their covariance of windows with drawn errors."""
     assert errors.gyro_bias is not None
     assert errors.accel_bias is not None
     assert errors.arw is not None
     assert errors.vrw is not None
-    rng = np.random.default_rng(60)
-    window = still(lat_deg, rotation(-0.4, 0.6, 2.0), count=400, dt=0.25)
-    found, predicted, euler = [], [], []
+    rng = np.random.default_rng([60, round(lat_deg), round(seconds)])
+    window = still(lat_deg, rotation(-0.4, 0.6, 2.0), count=50, dt=seconds / 50.0)
+    found, predicted, squares = [], [], []
     for _ in range(RUNS):
         felt = window.noisy(rng, errors.arw, errors.vrw).plus(
             gyro=errors.gyro_bias * rng.normal(size=3),
             accel=errors.accel_bias * rng.normal(size=3),
         )
-        result = align_static(*felt.samples, errors=errors)
-        assert result.method == "triad"
-        found.append(error_n(result.q_nb, window.attitude))
-        predicted.append((result.tilt_sigma, result.tilt_sigma, result.azimuth_sigma))
-        euler.append((result.roll_sigma, result.pitch_sigma))
-    scatter = np.sqrt(np.mean(np.square(found), axis=0))
-    mean = np.mean(predicted, axis=0)
-    # Relative. The scatter of 300 runs is known to 4 %; taking the larger of stated and observed
-    # noise adds 5 % where noise rules.
-    np.testing.assert_allclose(mean, scatter, rtol=0.15)
-    tilt = float(np.hypot(errors.accel_bias, errors.vrw / 10.0)) / window.g
-    # Closed form with 10 = sqrt(100 s); observed noise may add 5 %.
-    np.testing.assert_allclose(mean[:2], tilt, rtol=0.1)
-    # Roll blurs as 1/cos(pitch), pitch does not.
-    np.testing.assert_allclose(np.mean(euler, axis=0), (mean[0] / np.cos(0.6), mean[0]), rtol=1e-4)
+        try:
+            result = align_static(*felt.samples, errors=errors, method="triad", convergence=False)
+        except WeakGyrosError:
+            continue
+        error = error_n(result.q_nb, window.attitude)
+        found.append(error)
+        predicted.append(np.array([result.tilt_sigma, result.tilt_sigma, result.azimuth_sigma]))
+        squares.append(float(error @ np.linalg.solve(result.P_n, error)))
+    return found, predicted, squares
 
 
 @pytest.mark.parametrize("lat_deg", [-45.0, 20.0])
@@ -172,9 +190,9 @@ def test_euler_sigmas_at_pitch_90(pitch: float) -> None:
 @pytest.mark.parametrize("pitch", [HALF, -HALF])
 def test_the_attitude_is_no_worse_at_pitch_90(pitch: float) -> None:
     window = still(50.0, rotation(0.4, pitch, 1.0))
-    result = align_static(*window.samples, errors=BIASED)
+    result = align_static(*window.samples, errors=NAVIGATION)
     assert result.roll_sigma == result.heading_sigma == np.pi
-    reference = align_static(*still(50.0, rotation(0.4, 0.1, 1.0)).samples, errors=BIASED)
+    reference = align_static(*still(50.0, rotation(0.4, 0.1, 1.0)).samples, errors=NAVIGATION)
     # Stated biases and a perfect window: the same but for the rounding of the noise.
     assert result.tilt_sigma == pytest.approx(reference.tilt_sigma, rel=1e-9)
     assert result.azimuth_sigma == pytest.approx(reference.azimuth_sigma, rel=1e-9)

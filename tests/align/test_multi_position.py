@@ -50,7 +50,7 @@ def worst_error(found: MultiPositionSolution, windows: list[Window]) -> float:
 LATITUDES = (-80.0, -60.0, -33.9, -5.0, 0.0, 18.4, 51.08, 80.0)  # deg
 
 
-@pytest.mark.parametrize("shift", [0, 3, 6])
+@pytest.mark.parametrize("shift", [0, 3])
 def test_perfect_pairs(shift: int) -> None:
     """200 pairs, whatever their geometry: nothing stated or unstated turns perfect data."""
     for k, attitude in enumerate(ATTITUDES):

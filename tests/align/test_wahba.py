@@ -13,6 +13,7 @@ from tests.align.at_rest import DEG_H, UG, Array, Window, attitudes, error_n, ro
 from tests.oracles.constants import OMEGA
 from tests.oracles.gravity import normal_gravity_zonal
 
+LATITUDES = (-80.0, -60.0, -33.9, -5.0, 0.0, 18.4, 51.08, 80.0)  # deg
 METHODS: tuple[Method, ...] = get_args(Method)
 EACH_METHOD = pytest.mark.parametrize("method", METHODS)
 HALF_TURNS = [
@@ -44,10 +45,12 @@ def apart(one: WahbaSolution, other: WahbaSolution) -> float:
 
 
 @EACH_METHOD
-@pytest.mark.parametrize("lat_deg", [-80, -60, -33.9, -5, 0, 18.4, 51.08, 80])
-def test_perfect_data(lat_deg: float, method: Method) -> None:
+@pytest.mark.parametrize("shift", [0, 3])
+def test_perfect_data(shift: int, method: Method) -> None:
     for k, euler in enumerate(attitudes()):
-        window = still(lat_deg, rotation(*euler), h=(0.0, 9000.0)[k % 2], count=1)
+        window = still(
+            LATITUDES[(k + shift) % 8], rotation(*euler), h=(0.0, 9000.0)[k % 2], count=1
+        )
         # navigation grade: the Earth rate weighs 1e-3 of gravity at best
         found = wahba(*at_rest(window, 50.0 * UG, 0.01 * DEG_H), method)
         # rad: gravity of the oracle to 1e-16, the Earth rate's level part to 6e-16
@@ -55,8 +58,7 @@ def test_perfect_data(lat_deg: float, method: Method) -> None:
         assert found.loss < 1e-18
 
 
-@pytest.mark.parametrize("ratio", [1.0, 0.1, 3e-3])
-@pytest.mark.parametrize("count", [2, 3, 7])
+@pytest.mark.parametrize(("count", "ratio"), [(2, 3e-3), (3, 1.0), (7, 0.1)])
 def test_solvers_agree_on_noisy_data(count: int, ratio: float) -> None:
     """Any lengths, unequal weights, half turns; the loss is least, as its gradient says."""
     rng = np.random.default_rng(100 + count)

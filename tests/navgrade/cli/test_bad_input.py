@@ -666,7 +666,12 @@ SITE_ERRORS = {
     "no height": ("height_m = 0.0\n", "", ("site.height_m", "required")),
     "no latitude": ("latitude = 45.0\n", "", ("site.latitude", "required")),
     "no site": (SITE[SITE.index("[site]") : SITE.index("[alignment]")], "", ("[site]",)),
-    "no alignment": (SITE[SITE.index("[alignment]") :], "", ("[alignment]", "duration_s")),
+    "no duration": ("duration_s = 10.0\n", "", ("alignment.duration_s", "required")),
+    "unknown method": (
+        "[alignment]\n",
+        "[alignment]\nmethod = 'triads'\n",
+        ("alignment.method", "'triads'", "triad"),
+    ),
     "both": (
         "[alignment]",
         started_site()[started_site().index("[initial]") :] + "[alignment]",
