@@ -241,17 +241,23 @@ def exact() -> Iterator[str]:
         for k, euler in enumerate(angles):
             window = still(lat_deg, rotation(*euler), h=300.0, count=4)
             for method in ("triad", "gyrocompass", "wahba"):
-                found = align_static(*window.samples, errors=good, method=method)
+                found = align_static(*window.samples, errors=good, method=method, convergence=False)
                 note(method, _size(found, window))
             note("fine", _size(align_fine(*window.samples, errors=_NAVIGATION), window))
             if np.cos(euler[1]) > _STEEP:
                 known = KnownHeading(euler[2], 1e-5)
                 found = align_static(
-                    *window.samples, errors=good, known_heading=known, method="known-heading"
+                    *window.samples,
+                    errors=good,
+                    known_heading=known,
+                    method="known-heading",
+                    convergence=False,
                 )
                 note("known-heading", _size(found, window))
             up_b = window.attitude.inv().apply([0.0, 0.0, -1.0])
-            found = align_static(*_level_place(window), errors=good, method="level")
+            found = align_static(
+                *_level_place(window), errors=good, method="level", convergence=False
+            )
             up = rotation(found.roll, found.pitch, 0.0).inv().apply([0.0, 0.0, -1.0])
             note("level", float(np.linalg.norm(np.cross(up, up_b))))
             other = still(lat_deg, rotation(*angles[(7 * k + 3) % len(angles)]), h=300.0, count=4)
@@ -578,7 +584,7 @@ def _of_two(both: list[AlignedWindow]) -> Iterator[str]:
         f"{r.gyro_bias_sigma[0] / DEG_H:.2g} °/h, x accelerometer bias "
         f"{r.accel_bias[0] * 1e3:+.3f} ± {r.accel_bias_sigma[0] * 1e3:.2g} mm/s²; half the sum of "
         f"the two x readings is {half_sum * 1e3:+.3f} mm/s². The rate about down is then {down} "
-        f"°/h from the Earth's, and |f| {force} mm/s² from gravity, by a scale factor or by gravity "
+        f"°/h from the Earth's, and |f| {force} mm/s² from gravity: a scale factor, or gravity "
         f"itself. Unobservable: {'; '.join(r.unobservable)}."
     )
     yield from textwrap.wrap(text, 105)
@@ -689,7 +695,7 @@ def half_turn() -> Iterator[str]:
             )
         at_one = still(45.0, windows[0].attitude, count=12, dt=25.0)
         felt = at_one.noisy(rng, e.arw, e.vrw).plus(gyro=gyro, accel=accel)
-        one = align_static(*felt.samples, errors=errors, method="triad")
+        one = align_static(*felt.samples, errors=errors, method="triad", convergence=False)
         off.setdefault("one position", []).append(
             (error_n(one.q_nb, at_one.attitude), np.diag(one.P_n))
         )
