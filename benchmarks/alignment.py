@@ -343,8 +343,8 @@ def budgets() -> Iterator[str]:
     for grade, errors in GRADES.items():
         found = [budget_at(errors, lat_deg) for lat_deg in LATITUDES]
         for k, line in enumerate(found[1].budget):
-            cells = [f"{r.budget[k].azimuth / _MRAD:.2g} mrad" for r in found]
-            tilt = f"{line.tilt / _URAD:.2g} µrad"
+            cells = [f"{r.budget[k].azimuth / _MRAD:.3g} mrad" for r in found]
+            tilt = f"{line.tilt / _URAD:.3g} µrad"
             yield f"| {grade} | {line.source} | {tilt} | {' | '.join(cells)} |"
         cells = [f"{r.azimuth_sigma / _MRAD:.3g} mrad" for r in found]
         tilt = f"{found[1].tilt_sigma / _URAD:.3g} µrad"
