@@ -278,11 +278,9 @@ def align_together(
     """
     errors = errors or SensorErrors()
     windows = [examine(*rows, lat, h, errors, ellipsoid) for rows in means]
-    errors = replace(
-        errors,
-        gyro_bias=max(window.rate_bias for window in windows),
-        accel_bias=max(window.force_bias for window in windows),
-    )
+    gyro_bias = max(window.rate_bias for window in windows)
+    accel_bias = max(window.force_bias for window in windows)
+    errors = replace(errors, gyro_bias=gyro_bias, accel_bias=accel_bias)
     found = align_positions(
         [
             Position(
@@ -316,9 +314,9 @@ def align_together(
             ellipsoid,
         )
         alone = gyro_budget(
-            window.rate_bias,
+            gyro_bias,
             window.rate_noise.sigma,
-            window.force_bias,
+            accel_bias,
             window.force_noise.sigma,
             lat,
             window.g,

@@ -143,6 +143,7 @@ def main() -> None:
         "lectures",
         "scenarios",
         "studies",
+        "alignment",
         "all",
     )
     parser.add_argument("what", nargs="?", choices=choices, default="all")
@@ -150,7 +151,7 @@ def main() -> None:
         "--write",
         action="store_true",
         help="write docs/accuracy.md, performance.md, schemas.md, flat-world.md, scenarios.md and "
-        "its pictures",
+        "alignment.md, these two with their pictures",
     )
     logs = parser.add_argument_group("mcap")
     logs.add_argument("--messages", type=int, default=2_000_000, metavar="N", help="at least 5000")
@@ -178,6 +179,10 @@ def main() -> None:
 
         for row in study_rows():
             print(row, flush=True)
+    if options.what in ("alignment", "all"):
+        from benchmarks.alignment import measure
+
+        measure(options.write)
 
 
 if __name__ == "__main__":
