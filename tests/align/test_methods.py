@@ -129,6 +129,24 @@ def test_a_given_heading_and_a_tilt_turn_the_attitude_together(pitch: float) -> 
     np.testing.assert_allclose(np.cov(whitened), np.eye(3), rtol=0.0, atol=0.28)
 
 
+@pytest.mark.parametrize("lat_deg", [60.0, -70.0])
+def test_a_gyrocompass_tilts_and_turns_together(lat_deg: float) -> None:
+    """Where accelerometers rule, an eastward error tilts about north and turns about down."""
+    errors = SensorErrors(0.001 * DEG_H, 500.0 * UG, 1e-9, 1e-9)
+    rng = np.random.default_rng(73)
+    window = still(lat_deg, rotation(0.3, -0.4, 2.0), count=8, dt=1.0)
+    turns = []
+    for _ in range(400):
+        felt = window.plus(
+            gyro=0.001 * DEG_H * rng.normal(size=3), accel=500.0 * UG * rng.normal(size=3)
+        )
+        found = align_static(*felt.samples, errors=errors, method="triad", convergence=False)
+        turns.append(error_n(found.q_nb, window.attitude))
+    whitened = np.linalg.solve(np.linalg.cholesky(found.P_n), np.transpose(turns))
+    # As above
+    np.testing.assert_allclose(np.cov(whitened), np.eye(3), rtol=0.0, atol=0.28)
+
+
 def test_noise_beyond_the_stated_one_enlarges_the_sigma() -> None:
     rng = np.random.default_rng(71)
     window = still(45.0, rotation(0.3, -0.2, 2.0), count=600, dt=0.5)
