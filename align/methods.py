@@ -177,11 +177,12 @@ def align_swaying(
     for dt, phi, dv in increments:
         frame.add(dt, phi, dv)
     first = frame.solution(stated)
-    if first.velocity_rms > _DRIVES:
+    motion = max(line.azimuth for line in first.budget if line.source == "motion of the base")
+    if first.velocity_rms > _DRIVES or motion > MAX_HEADING_SIGMA:
         raise AlignmentError(
-            f"the base is not still: its velocity varies by {first.velocity_rms:.1f} m/s rms over "
-            "the window, so it leaves its place; choose alignment.start_s and duration_s inside a "
-            "stop"
+            "the base is not still, and it does more than sway: its velocity varies by "
+            f"{first.velocity_rms:.2g} m/s rms over the window, so it leaves its place; choose "
+            "alignment.start_s and duration_s inside a stop"
         )
     omega_n = omega_ie_n(lat, ellipsoid)
     north, force = first.rate_residual_north, first.specific_force_residual
