@@ -16,7 +16,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
-from scipy.stats import chi2
+from scipy.stats import chi2, norm
 
 from align import (
     Alignment,
@@ -27,6 +27,7 @@ from align import (
     align_fine,
     align_positions,
     align_static,
+    align_swaying,
     align_together,
     analytic_coarse,
     fine_align,
@@ -182,11 +183,12 @@ def monte_carlo() -> Iterator[str]:
                 where = f"| {grade} | {seconds:.0f} | {lat_deg:.0f}° | {sigma} µrad |"
                 yield f"{where} {' | '.join(shown)} |"
     yield ""
-    yield (
+    text = (
         f"The rms are within {100.0 * worst:.0f} % of the sigmas. Bounds of the last number, 95 %: "
         f"{low:.3f} to {high:.3f}; {outside} of {cells} lie outside (*), {0.05 * cells:.1f} are "
         "to be expected."
     )
+    yield from textwrap.wrap(text, 105)
 
 
 def _place(seconds: float, lat_deg: float, attitude: Rotation) -> Window:
@@ -215,6 +217,38 @@ def _ratios(
         tilt = np.sqrt(mean2[:2].sum() / mean_variance[:2].sum())
         rows.append((float(tilt), float(np.sqrt(mean2[2] / mean_variance[2])), square.mean() / 3.0))
     return rows
+
+
+def unstated() -> Iterator[str]:
+    """Lines of a table: how often headings are off by more than so many sigmas."""
+    rng = np.random.default_rng(59)
+    noise = QUIET.arw or 0.0, QUIET.vrw or 0.0
+    stated = SensorErrors(0.1 * DEG_H, 100.0 * UG, *noise)
+    silent = SensorErrors(None, None, *noise)
+    base = Sway(45.0 * DEG, 0.0, (0.02, -0.01, 0.8)).feel(edges(300.0, 1.0))
+    place = still(45.0, base.attitude, count=60, dt=5.0)
+    units: dict[str, list[float]] = {}
+
+    def note(name: str, found: Alignment, truth: Rotation) -> None:
+        off = abs(error_n(found.q_nb, truth)[2]) / found.azimuth_sigma
+        units.setdefault(name, []).append(float(off))
+
+    for _ in range(RUNS):
+        felt, gyro, accel = drawn(place, stated, rng)
+        sways = base.noisy(rng, *noise).plus(gyro=gyro, accel=accel)
+        for words, errors in (("biases stated", stated), ("not stated", silent)):
+            found = align_static(*felt.samples, errors=errors, method="triad", convergence=False)
+            note(f"`triad`, {words}", found, place.attitude)
+            found = align_swaying([sways.samples], place.lat, place.h, errors=errors)
+            note(f"`inertial`, {words}", found, base.attitude)
+    yield "| heading off by more than | 1 σ | 2 σ | 3 σ |"
+    yield "|---|---|---|---|"
+    normal = (2.0 * norm.sf(k) for k in (1, 2, 3))
+    for name, shares in (
+        ("a normal error", list(normal)),
+        *((name, [np.mean(np.array(off) > k) for k in (1, 2, 3)]) for name, off in units.items()),
+    ):
+        yield f"| {name} | {' | '.join(f'{100.0 * x:.1f} %' for x in shares)} |"
 
 
 EXACT_LATITUDES = (-80.0, -40.0, 0.0, 40.0, 80.0)  # deg
@@ -774,6 +808,7 @@ SECTIONS: dict[str, Callable[[], Iterator[str]]] = {
     "variants": variants,
     "half-turn": half_turn,
     "exact": exact,
+    "unstated": unstated,
     "survey": survey,
     "stillness": stillness,
     "false-alarms": false_alarms,
