@@ -33,7 +33,7 @@ from earth._jit import kernel
 from earth.ellipsoid import WGS84, Ellipsoid
 from earth.gravity import normal_gravity_n
 from earth.rates import omega_ie_n
-from earth.rotation import dcm_from_quat, quat_from_dcm, quat_from_rotvec
+from earth.rotation import dcm_from_quat, quat_from_dcm, quat_from_rotvec, skew
 from earth.units import DEG, DEG_PER_H, DEG_PER_RTH, MG, UG_PER_RTHZ
 
 Array = NDArray[np.float64]
@@ -347,17 +347,13 @@ def _references(rows: _Rows, model: _Model, C_end: Array) -> Array:
     return C
 
 
-def _cross(v: Array) -> Array:
-    return np.array([[0.0, -v[2], v[1]], [v[2], 0.0, -v[0]], [-v[1], v[0], 0.0]])
-
-
 def _steps(rows: _Rows, model: _Model, C: Array) -> tuple[Array, Array, Array]:
     """Transition, process noise and known part of each row's step: (n, 15, 15) twice, (n, 15)."""
     n = len(rows.dt)
     F = np.zeros((n, _SIZE, _SIZE))
-    F[:, _A, _A] = F[:, _TURN, _A] = -_cross(model.rate_n)
+    F[:, _A, _A] = F[:, _TURN, _A] = -skew(model.rate_n)
     F[:, _A, _BG] = F[:, _TURN, _BG] = -C
-    F[:, _V, _A] = _cross(model.gravity_n)
+    F[:, _V, _A] = skew(model.gravity_n)
     F[:, _V, _BA] = -C
     F *= rows.dt[:, None, None]
     B = np.zeros((_SIZE, 6))

@@ -31,6 +31,7 @@ from numpy.typing import ArrayLike, NDArray
 from align.accuracy import SensorErrors
 from align.errors import AlignmentError
 from align.result import Contribution, Convergence
+from align.wahba import davenport_matrix
 from earth._jit import formula, kernel
 from earth.ellipsoid import WGS84, Ellipsoid
 from earth.gravity import normal_gravity_n
@@ -46,6 +47,7 @@ from earth.rotation import (
     rotvec_from_quat,
     rotvec_to_quat_change,
 )
+from earth.summation import compensated_sum
 from earth.units import DEG
 
 Array = NDArray[np.float64]
@@ -90,14 +92,6 @@ def reaction_to_gravity(g, rate, t):
     )
 
 
-@formula
-def _plus(total, lost, term):
-    """Return the compensated sum and what it lost."""
-    y = term - lost
-    new = total + y
-    return new, (new - total) - y
-
-
 @kernel
 def _accumulate(g, rate, dts, phis, dvs, carry, sums, lost, powers, row, marks):
     """Add a block to the moments (2, 26) and to those of t^k (6, 6); note them at each mark."""
@@ -109,14 +103,14 @@ def _accumulate(g, rate, dts, phis, dvs, carry, sums, lost, powers, row, marks):
     for k in range(dts.shape[0]):
         dt = dts[k]
         dv = quat_rotate(q, (dvs[k, 0], dvs[k, 1], dvs[k, 2]))
-        x, lost_x = _plus(x, lost_x, dv[0])
-        y, lost_y = _plus(y, lost_y, dv[1])
-        z, lost_z = _plus(z, lost_z, dv[2])
+        x, lost_x = compensated_sum(x, lost_x, dv[0])
+        y, lost_y = compensated_sum(y, lost_y, dv[1])
+        z, lost_z = compensated_sum(z, lost_z, dv[2])
         turn = rotvec_to_quat_change((phis[k, 0], phis[k, 1], phis[k, 2]))
         excess = 0.5 - 0.5 * (q[0] * q[0] + q[1] * q[1] + q[2] * q[2] + q[3] * q[3])
         change = quat_product(q, (turn[0] + excess, turn[1], turn[2], turn[3]))
         q = (q[0] + change[0], q[1] + change[1], q[2] + change[2], q[3] + change[3])
-        t, lost_t = _plus(t, lost_t, dt)
+        t, lost_t = compensated_sum(t, lost_t, dt)
 
         alpha = (x, y, z)
         beta = reaction_to_gravity(g, rate, t)
@@ -133,7 +127,9 @@ def _accumulate(g, rate, dts, phis, dvs, carry, sums, lost, powers, row, marks):
             weight *= t
             if j < 2:
                 for i in range(_MOMENTS):
-                    sums[j, i], lost[j, i] = _plus(sums[j, i], lost[j, i], weight * row[i])
+                    sums[j, i], lost[j, i] = compensated_sum(
+                        sums[j, i], lost[j, i], weight * row[i]
+                    )
             for i in range(6):
                 powers[j, i] += weight * row[_ALPHA + i]
 
@@ -171,16 +167,7 @@ def _turns(phi: ArrayLike) -> Array:
 
 def _davenport(B: Array) -> tuple[Array, Array]:
     """Return the rotations that maximise tr(C B^T), and the eigenvalues, ascending."""
-    K = np.empty((*B.shape[:-2], 4, 4))
-    trace = np.trace(B, axis1=-2, axis2=-1)
-    # tr(C B^T) = q^T K q for v_n = C v_b and B = sum of v_n v_b^T
-    z = np.stack(
-        [B[..., 2, 1] - B[..., 1, 2], B[..., 0, 2] - B[..., 2, 0], B[..., 1, 0] - B[..., 0, 1]], -1
-    )
-    K[..., 0, 0] = trace
-    K[..., 0, 1:] = K[..., 1:, 0] = z
-    K[..., 1:, 1:] = B + np.swapaxes(B, -1, -2) - trace[..., None, None] * np.eye(3)
-    values, vectors = np.linalg.eigh(K)
+    values, vectors = np.linalg.eigh(davenport_matrix(B))
     return dcm_from_quat(vectors[..., :, 3]), values
 
 

@@ -19,6 +19,7 @@ from earth.rotation import (
     quat_from_dcm,
     quat_from_rotvec,
     rotvec_from_quat,
+    skew,
 )
 from earth.units import DEG_PER_H, MG, MGAL
 
@@ -293,10 +294,10 @@ class _Problem:
         for k in range(count):
             at = slice(3 * k, 3 * k + 3)
             by_rate, by_force = 1.0 / self.omega_sigma[k, :, None], 1.0 / self.f_sigma[k, :, None]
-            J[at, at] = by_rate * (C[k].T @ _cross_matrix(self.omega_n))
+            J[at, at] = by_rate * (C[k].T @ skew(self.omega_n))
             J[at, -7:-4] = by_rate * np.diag(self.sigma[:3])
             below = slice(3 * (count + k), 3 * (count + k) + 3)
-            J[below, at] = -by_force * (C[k].T @ _cross_matrix(self.g_n))
+            J[below, at] = -by_force * (C[k].T @ skew(self.g_n))
             J[below, -4:-1] = by_force * np.diag(self.sigma[3:6])
             J[below, -1] = by_force[:, 0] * (C[k].T @ self.up_n) * self.sigma[6]
         J[6 * count : 6 * count + _NUISANCES, -_NUISANCES:] = np.eye(_NUISANCES)
@@ -343,11 +344,6 @@ class _Problem:
             float(np.linalg.norm(self.residual(*_moved(C, x, step)) - residual - J @ step))
             for step in (*steps, *-steps)
         )
-
-
-def _cross_matrix(v: Array) -> Array:
-    matrix: Array = np.cross(v, np.eye(3)).T
-    return matrix
 
 
 def _untold(sensor: str, P: Array, at: NDArray[np.int64]) -> list[str]:

@@ -27,7 +27,7 @@ from align.triad import triad
 from align.wahba import WahbaSolution, vectors_at_rest, wahba
 from align.window import SIGNIFICANT, Window, compass, conclude, examine, small_rotation
 from earth.ellipsoid import WGS84, Ellipsoid
-from earth.rotation import dcm_from_quat, euler_from_quat, quat_from_dcm, quat_from_euler
+from earth.rotation import dcm_from_quat, euler_from_quat, quat_from_dcm, quat_from_euler, skew
 from earth.units import DEG, DEG_PER_H
 
 Array = NDArray[np.float64]
@@ -284,8 +284,7 @@ def _contradicted(window: Window, gyros: _Gyros, known: KnownHeading) -> list[st
 def _gyro_bias(window: Window, q_nb: Array, P_n: Array) -> tuple[Array, Array]:
     """Gyro bias that a given attitude leaves, and its sigma, body axes, rad/s."""
     C_bn = dcm_from_quat(q_nb).T
-    x, y, z = window.omega_ie_n
-    by_attitude = C_bn @ np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+    by_attitude = C_bn @ skew(window.omega_ie_n)
     P_b = by_attitude @ P_n @ by_attitude.T + window.rate_noise.sigma**2 * np.eye(3)
     return window.omega_ib_b - C_bn @ window.omega_ie_n, np.sqrt(np.diag(P_b))
 

@@ -93,7 +93,7 @@ def wahba(
         raise AlignmentError(f"{len(n)} direction fixes no attitude; give two that differ")
     weight = np.min(sigmas) ** 2 / sigmas**2
     weight /= weight.sum()
-    values = np.linalg.eigvalsh(_davenport_matrix(n, b, weight))
+    values = np.linalg.eigvalsh(davenport_matrix(_profile(n, b, weight)))
     gap = float(values[3] - values[2])
     if gap < (MIN_QUEST_GAP if method == "quest" else MIN_GAP):
         raise AlignmentError(
@@ -175,23 +175,36 @@ def _profile(n: Array, b: Array, weight: Array) -> Array:
     return B
 
 
-def _parts(B: Array) -> tuple[float, Array, Array]:
-    """Trace, symmetric part doubled, and vector of the skew part of a profile matrix."""
-    z = np.array([B[2, 1] - B[1, 2], B[0, 2] - B[2, 0], B[1, 0] - B[0, 1]])
-    return float(np.trace(B)), B + B.T, z
+def _parts(B: Array) -> tuple[Array, Array, Array]:
+    """Trace, symmetric part doubled, and vector of the skew part of profile matrices."""
+    z = np.stack(
+        [B[..., 2, 1] - B[..., 1, 2], B[..., 0, 2] - B[..., 2, 0], B[..., 1, 0] - B[..., 0, 1]], -1
+    )
+    return np.trace(B, axis1=-2, axis2=-1), B + np.swapaxes(B, -1, -2), z
 
 
-def _davenport_matrix(n: Array, b: Array, weight: Array) -> Array:
-    trace, S, z = _parts(_profile(n, b, weight))
-    K = np.empty((4, 4))
-    K[0, 0] = trace
-    K[0, 1:] = K[1:, 0] = z
-    K[1:, 1:] = S - trace * np.eye(3)
+def davenport_matrix(B: Array) -> Array:
+    """Davenport's matrix of attitude profile matrices ``B = sum w v_n v_b^T``.
+
+    Parameters
+    ----------
+    B : ndarray, shape (..., 3, 3)
+
+    Returns
+    -------
+    ndarray, shape (..., 4, 4)
+        K with ``trace(B C_bn) = q_nb^T K q_nb``, scalar first.
+    """
+    trace, S, z = _parts(B)
+    K = np.empty((*B.shape[:-2], 4, 4))
+    K[..., 0, 0] = trace
+    K[..., 0, 1:] = K[..., 1:, 0] = z
+    K[..., 1:, 1:] = S - trace[..., None, None] * np.eye(3)
     return K
 
 
 def _davenport(n: Array, b: Array, weight: Array) -> Array:
-    q: Array = np.linalg.eigh(_davenport_matrix(n, b, weight))[1][:, 3]
+    q: Array = np.linalg.eigh(davenport_matrix(_profile(n, b, weight)))[1][:, 3]
     return q
 
 

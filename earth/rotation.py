@@ -249,6 +249,12 @@ def _unit(name: str, values: ArrayLike) -> Rows:
     return unit
 
 
+def skew(v: ArrayLike) -> NDArray[np.float64]:
+    """Matrix of ``v x``, shape (3, 3), of a vector."""
+    x, y, z = np.asarray(v, float)
+    return np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
+
+
 def quat_from_rotvec(phi: ArrayLike) -> Rows:
     """Quaternions (..., 4) of rotation vectors (..., 3), rad, any length."""
     return _by_rows(_rotvecs_to_quats, _checked("phi", phi, 3), 4)

@@ -811,8 +811,8 @@ MUTATIONS = (
     Mutation(
         "align: fine, gravity and tilt",
         "align/fine.py",
-        "F[:, _V, _A] = _cross(model.gravity_n)",
-        "F[:, _V, _A] = -_cross(model.gravity_n)",
+        "F[:, _V, _A] = skew(model.gravity_n)",
+        "F[:, _V, _A] = -skew(model.gravity_n)",
         ("tests/align/test_fine.py::test_unobservable_biases_tilt_and_turn_by_the_signed_laws",),
     ),
     Mutation(

@@ -17,13 +17,12 @@ from earth._jit import formula, kernel
 from earth.geodetic import ecef_from_geodetic
 from earth.gravity import gravity, needs_place
 from earth.rotation import cross, quat_product, quat_rotate
+from earth.summation import compensated_sum, compensated_sums
 from navgrade.mechanization.frame import Frame
 from navgrade.mechanization.local import from_local, from_ned, local_directions, to_local
 from navgrade.mechanization.step import (
     FREE,
     attitude_after,
-    compensated_sum,
-    compensated_sums,
     corrected,
     predicted,
     to_middle,

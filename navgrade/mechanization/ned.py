@@ -18,14 +18,13 @@ import numpy as np
 from earth._jit import formula, kernel
 from earth.rates import earth_rate, transport_rate
 from earth.rotation import cross, quat_rotate
+from earth.summation import compensated_sum, compensated_sums
 from earth.units import DEG
 from navgrade.errors import NumericalError
 from navgrade.mechanization.frame import Frame
 from navgrade.mechanization.step import (
     FREE,
     attitude_after,
-    compensated_sum,
-    compensated_sums,
     corrected,
     predicted,
     to_middle,

@@ -19,13 +19,12 @@ from earth.frames import ned_to_ecef_quat
 from earth.geodetic import curvatures
 from earth.gravity import gravity, needs_place
 from earth.rotation import cross, quat_product, quat_rotate, rotvec_to_quat_change
+from earth.summation import compensated_sum, compensated_sums
 from navgrade.mechanization.frame import Frame
 from navgrade.mechanization.local import direction, to_local
 from navgrade.mechanization.step import (
     FREE,
     attitude_after,
-    compensated_sum,
-    compensated_sums,
     corrected,
     predicted,
     to_middle,

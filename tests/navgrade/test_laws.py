@@ -16,9 +16,9 @@ from scipy.integrate import solve_ivp
 from scipy.spatial.transform import Rotation
 
 from earth._jit import kernel
+from earth.summation import compensated_sum
 from navgrade import ImuSamples, NavState, Trajectory, navigate
 from navgrade.mechanization import MECHANIZATIONS, World
-from navgrade.mechanization.step import compensated_sum
 from navgrade.navigation import solve
 from navgrade.reconstruction import DEFAULT, RECONSTRUCTIONS, reconstruct
 from navgrade.vertical import BaroLoop

@@ -186,7 +186,11 @@ def test_weak_gyros_leave_the_level(bench: Bench) -> None:
 
 
 MISTAKES = {
-    "hemisphere": ("latitude = 45.0", "latitude = -45.0", ("45.0°", "hemisphere")),
+    "hemisphere": (
+        "latitude = 45.0",
+        "latitude = -45.0",
+        ("45.0°", "the hemisphere of site.latitude is wrong"),
+    ),
     "swapped": (
         "latitude = 45.0\nlongitude = 8.0",
         "latitude = 8.0\nlongitude = 45.0",
