@@ -26,7 +26,7 @@ from align.stillness import StillReport, Stretch, assess, find_still
 from align.window import white_noise
 from earth.units import DEG, DEG_PER_H, DEG_PER_RTH, UG, UG_PER_RTHZ
 from navgrade import reconstruction as body
-from navgrade.errors import ConfigError
+from navgrade.errors import ConfigError, GapError
 from navgrade.gaps import Gap, without_gaps
 from navgrade.imu import ImuSamples
 from navgrade.logs import ImuLog
@@ -107,6 +107,10 @@ class _Part:
         stretch = self.stretch(chosen)
         return np.ones(len(self.spans), bool) if stretch is None else stretch.rows
 
+    def sways(self, chosen: int | None) -> bool:
+        stretch = self.stretch(chosen)
+        return stretch is not None and stretch.motion == "swaying"
+
     def bounds(self, chosen: int | None) -> tuple[float, float]:
         """Start and end, s; the window's own where the stretch reaches them."""
         stretch = self.stretch(chosen)
@@ -171,7 +175,7 @@ def _align(
     try:
         return _aligned(part, chosen, site, place, method)
     except WeakGyrosError as error:
-        if not level_allowed or method != "auto":
+        if not level_allowed or method != "auto" or part.sways(chosen):
             raise
         found = _aligned(part, chosen, site, place, "level")
         result = replace(
@@ -203,8 +207,10 @@ def _place(site: Site) -> Place:
     return site.place
 
 
-def _between(log: ImuLog, start: float, stop: float, progress: Progress | None = None) -> Any:
-    """Samples whose intervals end inside a window; the log is not read beyond."""
+def _between(
+    log: ImuLog, start: float, stop: float, progress: Progress | None = None
+) -> Iterator[tuple[ImuSamples, ImuSamples]]:
+    """Samples whose intervals end inside a window, each with its block; nothing is read beyond."""
     for block in log.blocks(progress):
         first, last = np.searchsorted(block.t, [start, stop + _EDGE], side="right")
         yield block[int(first) : int(last)], block
@@ -294,7 +300,7 @@ def _aligned(
     stretch, rows = part.stretch(chosen), part.stretch_rows(chosen)
     start, stop = part.bounds(chosen)
     means = _means(part.spans[rows])
-    sways = stretch is not None and stretch.motion == "swaying"
+    sways = part.sways(chosen)
     if method == "inertial" or (sways and method == "auto"):
         errors, warnings = _measured(site.errors, stretch, means)
         result = align_swaying(
@@ -363,8 +369,14 @@ def _increments(log: ImuLog, start: float, stop: float) -> Iterator[tuple[Array,
     gaps: list[Gap] = []
     inside = (samples for samples, _ in _between(log, start, stop) if len(samples))
     whole = without_gaps(inside, bridge=False, gaps=gaps)
-    for increments in reconstruct(to_increments(whole), body.DEFAULT):
-        yield increments.dt, increments.phi, increments.dv
+    try:
+        for increments in reconstruct(to_increments(whole), body.DEFAULT):
+            yield increments.dt, increments.phi, increments.dv
+    except GapError as error:
+        raise AlignmentError(
+            f"samples are missing from {error.time_s:.3f} s on, and gyros that lose the body cannot "
+            "carry its attitude; choose a window without a gap, or a static method"
+        ) from None
 
 
 def _window_of(

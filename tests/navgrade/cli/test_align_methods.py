@@ -121,6 +121,22 @@ def test_a_swaying_base_is_never_given_to_triad(bench: Bench, amplitude_deg: flo
     assert np.sqrt(np.mean(np.square(offs))) < 3e-3  # rad; TRIAD is off by 0.1 to 0.8
 
 
+def test_weak_gyros_on_a_swaying_base_give_no_level(bench: Bench) -> None:
+    """A level of means would be of nothing that stood still."""
+    recording, _ = swaying(2.0, 60.0, 1)
+    weak = STATED.replace("gyro_bias_deg_h = 0.01", "gyro_bias_deg_h = 10.0")
+    bench.write(imu_channel(recording), site=weak)
+    outcome = navgrade("align", bench.log, "-c", bench.site)
+    one_sentence(outcome, "cannot find north on a base that sways", "sigma of 5")
+
+
+def test_a_gap_in_a_sway_is_refused(bench: Bench) -> None:
+    recording, _ = swaying(2.0, 120.0, 1)
+    bench.write(imu_channel(recording.without(3000, 100)), site=STATED)
+    outcome = navgrade("align", bench.log, "-c", bench.site, "--method", "inertial")
+    one_sentence(outcome, "samples are missing from", "without a gap")
+
+
 def test_door_slams_are_cut_out(bench: Bench) -> None:
     """Averaged in, slams of 20 times what is visible would move the level."""
     slammed = slams(np.random.default_rng(8), 50.0, 240.0, "navigation", 20.0)
