@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from align.result import Innovations
 from earth._jit import kernel
@@ -281,7 +281,7 @@ def consistency(t: ArrayLike, nis: ArrayLike, dof: int) -> Innovations:
     if nis.ndim != 1 or t.shape != nis.shape or not nis.size:
         raise ValueError(f"t and nis must have one shape (k,), k >= 1; got {t.shape}, {nis.shape}")
     tail = 0.5 * (1.0 - _CONFIDENCE)
-    low, high = chi2.ppf([tail, 1.0 - tail], dof * nis.size) / nis.size
+    low, high = chdtri(dof * nis.size, [1.0 - tail, tail]) / nis.size
     mean = float(nis.mean())
     return Innovations(
         t=t,

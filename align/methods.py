@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from align.accuracy import MAX_HEADING_SIGMA, SensorErrors, gyro_budget, left_over
 from align.checks import Residuals, residuals
@@ -298,7 +298,7 @@ def align_together(
         ellipsoid=ellipsoid,
     )
     warnings: tuple[str, ...] = ()
-    if found.chi2 > chi2.isf(_FALSE_ALARM, found.dof):
+    if found.chi2 > chdtri(found.dof, _FALSE_ALARM):
         warnings = (
             f"the positions fit each other worse than the stated errors allow (chi-square "
             f"{found.chi2:.1f} with {found.dof} degrees of freedom): the biases changed between "

@@ -29,7 +29,7 @@ from scipy.ndimage import (
     median_filter,
     uniform_filter1d,
 )
-from scipy.stats import norm
+from scipy.special import ndtr, ndtri
 
 from align.spans import Spans
 from earth.units import DEG
@@ -316,7 +316,7 @@ def _normal(ratio: Array, dof: Array | float) -> Array:
 
 def _standardize(z: Array, keep: Mask) -> Array:
     """Center on the median; divide by the spread below it where noise is less than white."""
-    low, middle = np.quantile(z[keep], [norm.cdf(-1.0), 0.5])
+    low, middle = np.quantile(z[keep], [ndtr(-1.0), 0.5])
     standard: Array = (z - middle) / max(middle - low, 1.0)
     return standard
 
@@ -331,7 +331,7 @@ def _detect(spans: Spans, standing: Mask, false_alarm: float) -> tuple[Mask, Mas
     group = _rows(spans, GROUP_SPAN)
     noise_rows = max(_rows(spans, NOISE_SPAN), NOISE_ROWS)
     level_rows = _rows(spans, LEVEL_SPAN)
-    limit, weak = norm.isf(0.5 * false_alarm), norm.isf(WEAK)
+    limit, weak = -ndtri(0.5 * false_alarm), -ndtri(WEAK)
     usual = float(np.median(dof))
     bridge, guard = _rows(spans, BRIDGE), int(np.ceil(GUARD / spans.length - 1e-6))
     quiet = standing

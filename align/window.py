@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import chi2
+from scipy.special import chdtri
 
 from align.accuracy import SensorErrors, euler_sigmas, heading_sigma, judge, tilt_sigma
 from align.checks import Residuals, check_force, check_rate, residuals
@@ -302,7 +302,7 @@ def _noise(random_walk: float | None, sub_means: Array, duration: float) -> Nois
         return Noise(shown, False)
     stated = random_walk / np.sqrt(duration)
     dof = 3 * (count - 1)
-    exceeds = dof > 0 and (shown / stated) ** 2 * dof > chi2.isf(_FALSE_ALARM, dof)
+    exceeds = dof > 0 and (shown / stated) ** 2 * dof > chdtri(dof, _FALSE_ALARM)
     return Noise(shown if exceeds else float(stated), bool(exceeds))
 
 
