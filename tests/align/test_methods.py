@@ -226,11 +226,10 @@ def test_fine_says_when_its_model_fails() -> None:
 
 def test_a_bias_that_one_position_proves_is_in_the_budget_of_all() -> None:
     """Its upward accelerometer is off by 500 µg in the first position, where 50 are stated."""
-    errors = SensorErrors(0.01 * DEG_H, 50.0 * UG, 0.003 * DEG / 60.0, 10.0 * UG)
     first, second = (still(45.0, rotation(roll, 0.1, 1.0), count=40) for roll in (0.0, 1.5))
     felt = first.plus_n(accel=(0.0, 0.0, 500.0 * UG))
     found = align_together(
-        [felt.samples[:3], second.samples[:3]], first.lat, first.h, errors=errors
+        [felt.samples[:3], second.samples[:3]], first.lat, first.h, errors=ERRORS
     )
     for result in found:
         shares = {line.source: line.tilt for line in result.budget}
