@@ -8,7 +8,6 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.spatial.transform import Rotation
 
 from align.errors import AlignmentError
 from earth.rotation import dcm_from_quat, quat_from_dcm, quat_from_rotvec
@@ -209,6 +208,8 @@ def _davenport(n: Array, b: Array, weight: Array) -> Array:
 
 
 def _svd(n: Array, b: Array, weight: Array) -> Array:
+    from scipy.spatial.transform import Rotation  # late: it takes a tenth of a second
+
     q: Array = Rotation.align_vectors(n, b, weights=weight)[0].as_quat(scalar_first=True)
     return q
 
