@@ -53,6 +53,7 @@ from earth.units import DEG
 Array = NDArray[np.float64]
 
 SHORTEST = 10.0  # s
+LONGEST = 2.0  # s, of an interval: five of them in the shortest window
 MAX_LATITUDE = 89.0 * DEG
 _FIRST, _RATIO, _MARKS = 10.0, 1.1, 128  # s of the first mark; of each to the last; three weeks
 _NEWTON = 4  # steps; three reach rounding from where Davenport starts
@@ -416,6 +417,8 @@ class InertialFrame:
                 f"dt, phi and dv must have shapes (n,), (n, 3), (n, 3), got {dt.shape}, "
                 f"{phi.shape}, {dv.shape}"
             )
+        if dt.size and not dt.max() <= LONGEST:
+            raise ValueError(f"intervals must be at most {LONGEST} s, got {dt.max()}")
         _accumulate(
             self._g,
             self._rate,

@@ -18,7 +18,15 @@ from align.multi_position import Position, align_positions
 from align.result import Alignment, Contribution
 from align.static import BY_GYROS, STATIC_METHODS, KnownHeading, align_static
 from align.stillness import Stillness
-from align.window import SIGNIFICANT, UNSTATED_ACCEL_BIAS, Quality, compass, conclude, examine
+from align.window import (
+    ONE_RESIDUAL,
+    SIGNIFICANT,
+    UNSTATED_ACCEL_BIAS,
+    Quality,
+    compass,
+    conclude,
+    examine,
+)
 from earth.ellipsoid import WGS84, Ellipsoid
 from earth.rates import omega_ie_n
 from earth.rotation import euler_from_quat
@@ -227,7 +235,7 @@ def _proven(
     warnings = []
     gyro, accel = stated.gyro_bias, stated.accel_bias
     if gyro is None:
-        gyro = abs(north)
+        gyro = ONE_RESIDUAL * abs(north)
     elif abs(north) > SIGNIFICANT * np.hypot(gyro, by_noise):
         gyro = abs(north)
         warnings.append(
@@ -235,7 +243,7 @@ def _proven(
             "than the stated errors allow, so the sigmas were enlarged"
         )
     if accel is None:
-        accel = max(abs(force), UNSTATED_ACCEL_BIAS)
+        accel = max(ONE_RESIDUAL * abs(force), UNSTATED_ACCEL_BIAS)
     elif abs(force) > SIGNIFICANT * accel and accel > 0.0:
         accel = abs(force)
         warnings.append(

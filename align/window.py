@@ -26,6 +26,7 @@ Array = NDArray[np.float64]
 SHORTEST = 2.0  # s
 SUB_WINDOWS = 10
 SIGNIFICANT = 3.0  # sigmas
+ONE_RESIDUAL, TWO_RESIDUALS = 1.84, 1.32  # 68 % of Student's t with so many degrees of freedom
 UNSTATED_ACCEL_BIAS = 1000.0 * UG  # |f| shows the upward one alone, and that may be small by luck
 _FALSE_ALARM = 1e-3  # of noise taken for more than was stated
 
@@ -168,9 +169,11 @@ def examine(
     sub_f = span_means(dt, f_ib_b, duration / SUB_WINDOWS)
     rate_noise = _noise(errors.arw, sub_omega, duration)
     force_noise = _noise(errors.vrw, sub_f, duration)
-    rate_bias, rate_note = _bias(errors.gyro_bias, rate_noise.sigma, shown.shown_rate, 0.0)
+    rate_bias, rate_note = _bias(
+        errors.gyro_bias, rate_noise.sigma, shown.shown_rate, TWO_RESIDUALS
+    )
     force_bias, force_note = _bias(
-        errors.accel_bias, force_noise.sigma, abs(shown.force), UNSTATED_ACCEL_BIAS
+        errors.accel_bias, force_noise.sigma, abs(shown.force), ONE_RESIDUAL, UNSTATED_ACCEL_BIAS
     )
     azimuth = heading_sigma(
         float(np.hypot(rate_noise.sigma, rate_bias)),
@@ -306,15 +309,17 @@ def _noise(random_walk: float | None, sub_means: Array, duration: float) -> Nois
     return Noise(shown if exceeds else float(stated), bool(exceeds))
 
 
-def _bias(stated: float | None, noise: float, shown: float, least: float) -> tuple[float, str]:
+def _bias(
+    stated: float | None, noise: float, shown: float, few: float, least: float = 0.0
+) -> tuple[float, str]:
     """Sigma of a bias, and the words for why it is not simply what was stated.
 
-    `least` counts where neither a sheet nor the residual tells more.
+    Where nobody states it, `few` times the residual, and `least` at least.
     """
-    if stated is None and shown < least:
+    if stated is None and few * shown < least:
         return least, f"(no bias is stated, so {least / UG:.0f} µg stand for its sigma)"
     if stated is None:
-        return shown, "(no bias is stated, so this stands for its sigma)"
+        return few * shown, f"(no bias is stated, so {few:.2f} times that stands for its sigma)"
     if shown > SIGNIFICANT * np.hypot(noise, stated):
         return shown, "(more than the stated errors allow, so the sigmas were enlarged)"
     return stated, ""

@@ -374,8 +374,8 @@ def _increments(log: ImuLog, start: float, stop: float) -> Iterator[tuple[Array,
             yield increments.dt, increments.phi, increments.dv
     except GapError as error:
         raise AlignmentError(
-            f"samples are missing from {error.time_s:.3f} s on, and gyros that lose the body cannot "
-            "carry its attitude; choose a window without a gap, or a static method"
+            f"samples are missing from {error.time_s:.3f} s on, and gyros that lose the body "
+            "cannot carry its attitude; choose a window without a gap, or a static method"
         ) from None
 
 
