@@ -223,6 +223,17 @@ def find_still(spans: Spans, *, false_alarm: float = 1e-3, least: float = 10.0) 
     return StillReport(tuple(stretches), false_alarm, spans.length, alarms)
 
 
+def _medians(values: Array, size: int, mode: Literal["edge", "symmetric"]) -> Array:
+    """Medians of `size` rows, an odd number, around each row; `mode` of `numpy.pad`.
+
+    SciPy 1.17, left to go over the ends itself, reads foreign memory where there are fewer rows.
+    """
+    half = size // 2
+    padded = np.pad(values, ((half, half), (0, 0)), mode)
+    medians: Array = median_filter(padded, (size, 1))[half : half + len(values)]
+    return medians
+
+
 def _rows(spans: Spans, seconds: float) -> int:
     return max(round(seconds / spans.length), 1)
 
@@ -257,7 +268,7 @@ def _stops(spans: Spans, least: float) -> list[tuple[int, int, Mask]]:
     whole = spans.count >= max(2.0, 0.5 * float(np.median(spans.count)))
     scaled = np.hstack([spans.omega_ib_b / RATE_LIMIT, spans.f_ib_b / FORCE_LIMIT])
     mean = uniform_filter1d(scaled, _rows(spans, SPAN), axis=0, mode="nearest")
-    level = median_filter(mean, (2 * _rows(spans, LEVEL_SPAN) + 1, 1), mode="nearest")
+    level = _medians(mean, 2 * _rows(spans, LEVEL_SPAN) + 1, "edge")
     off = np.sum((mean - level).reshape(-1, 2, 3) ** 2, axis=-1)
     standing = whole & np.all(off <= LARGEST**2, axis=-1)
     groups: list[list[tuple[int, int]]] = []
@@ -288,7 +299,7 @@ def _local(values: Array, keep: Mask, half: int) -> Array:
     """Medians of the kept rows, `half` of them on either side of each row."""
     kept = np.flatnonzero(keep)
     size = min(2 * half + 1, 2 * len(kept) - 1)
-    medians = median_filter(values[kept], (size, 1), mode="reflect")
+    medians = _medians(values[kept], size, "symmetric")
     at = np.arange(len(values))
     return np.stack([np.interp(at, kept, column) for column in medians.T], axis=-1)
 
@@ -302,7 +313,7 @@ def _local_power(squares: Array, keep: Mask, half: int, size: int, dof: float) -
     size = min(size, len(kept))
     groups = kept[: len(kept) - len(kept) % size].reshape(-1, size)
     means = squares[groups].mean(1) / (1.0 - 2.0 / (9.0 * size * dof)) ** 3
-    spread = median_filter(means, (2 * (half // size) + 1, 1), mode="reflect")
+    spread = _medians(means, 2 * (half // size) + 1, "symmetric")
     at, centers = np.arange(len(squares)), groups.mean(1)
     return np.stack([np.interp(at, centers, column) for column in spread.T], axis=-1)
 

@@ -257,7 +257,7 @@ MUTATIONS = (
     ),
     Mutation(
         "step: position summed without compensation",
-        STEP,
+        "earth/summation.py",
         "return new, (new - total) - y",
         "return new, 0.0 * y",
         (LAWS,),
@@ -709,6 +709,13 @@ MUTATIONS = (
         "-ndtri(0.5 * false_alarm)",
         "-ndtri(0.05 * false_alarm)",
         ("tests/align/test_stillness.py::test_the_false_alarm_rate_is_honored_in_white_noise",),
+    ),
+    Mutation(
+        "align: medians over the ends",
+        "align/stillness.py",
+        "padded = np.pad(values, ((half, half), (0, 0)), mode)",
+        'padded = np.pad(values, ((half, half), (0, 0)), "edge")',
+        ("tests/align/test_stillness.py::test_medians_of_fewer_rows_than_asked_for",),
     ),
     Mutation(
         "align: no guard around a slam",

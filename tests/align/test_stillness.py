@@ -1,6 +1,7 @@
 """The stillness statistic and the detector against motions and noise that are known."""
 
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from align.stillness import (
     RATE_LIMIT,
     Stillness,
     StillReport,
+    _medians,
     assess,
     find_still,
     span_means,
@@ -413,3 +415,37 @@ def test_kingston_is_parked_and_then_drives(shared_data: Path) -> None:
 def test_a_log_of_half_a_second(shared_data: Path) -> None:
     spans = recording(shared_data, "novatel_oem7_parked.mcap", "FRD", "/gps/imu")
     assert find_still(spans).stretches == ()
+
+
+@pytest.mark.parametrize("rows", [1, 3, 29, 60, 61, 200])
+@pytest.mark.parametrize("mode", ["edge", "symmetric"])
+def test_medians_of_fewer_rows_than_asked_for(
+    rows: int, mode: Literal["edge", "symmetric"]
+) -> None:
+    """Row by row, the ends repeated or mirrored as often as it takes; the same each time."""
+    values = np.random.default_rng(31).normal(size=(rows, 3))
+    at = np.arange(rows)[:, None] + np.arange(-60, 61)
+    if mode == "edge":
+        at = np.clip(at, 0, rows - 1)
+    else:
+        at = np.mod(at, 2 * rows)
+        at = np.where(at < rows, at, 2 * rows - 1 - at)
+    naive = np.median(values[at], axis=1)
+    for _ in range(5):
+        np.testing.assert_array_equal(_medians(values, 121, mode), naive)
+
+
+def test_the_same_spans_give_the_same_stretches() -> None:
+    """Stops of half a minute: fewer rows than the minutes that tell the noise level."""
+    rng = np.random.default_rng(32)
+    values, _ = noise(rng, 100.0, 200.0, "tactical")
+    t = np.arange(len(values)) / 100.0
+    drives = np.sin(0.7 * t) * (np.mod(t, 50.0) > 30.0)
+    spans = spans_of(
+        np.full(len(t), 0.01), values[:, :3], values[:, 3:] + REST[3:] + drives[:, None]
+    )
+    first = find_still(spans).stretches
+    assert len(first) >= 3
+    for _ in range(5):
+        again = find_still(spans).stretches
+        assert [s.pieces for s in again] == [s.pieces for s in first]
