@@ -269,7 +269,11 @@ def check_units(samples: ImuSamples, lat: float) -> None:
 
 
 def _best(part: _Part, site: Site, place: Place, leave_rest: bool) -> int | None:
-    """The stretch whose mean rate has the least noise; None where the whole window is taken."""
+    """The stretch whose mean rate has the least noise; None where the whole window is taken.
+
+    Where the rest is to be navigated, the first one with up to twice that noise, so that little
+    of the log is passed over.
+    """
     stretches = part.still.stretches
     candidates = [
         i
@@ -277,7 +281,9 @@ def _best(part: _Part, site: Site, place: Place, leave_rest: bool) -> int | None
         if not leave_rest or stretch.stop < part.last - _EDGE or site.window is not None
     ]
     if candidates:
-        return min(candidates, key=lambda i: _rms(stretches[i].arw) ** 2 / stretches[i].duration)
+        noise = {i: _rms(stretches[i].arw) / np.sqrt(stretches[i].duration) for i in candidates}
+        least = min(noise.values())
+        return next(i for i in candidates if noise[i] <= (2.0 if leave_rest else 1.0) * least)
     if site.window is not None:
         return None
     check_units(part.head, place.lat)

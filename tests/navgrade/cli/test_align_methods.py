@@ -171,6 +171,24 @@ def test_the_window_may_be_left_open(bench: Bench) -> None:
     assert kept["budget"] == found["budget"]
 
 
+def test_a_run_starts_at_the_first_good_stop(bench: Bench) -> None:
+    """Stops of 40 s and 60 s: the longer has less noise, the first leaves more to navigate."""
+    first = resting(80.0, 50.0, sway_from_s=40.0)
+    second = resting(60.0, 50.0)
+    third = resting(30.0, 50.0, sway_from_s=0.0)
+    pieces = (first, second, third)
+    count = sum(map(len, pieces))
+    recording = Recording(
+        stamps(count, 50.0),
+        np.concatenate([p.gyro for p in pieces]),
+        np.concatenate([p.accel for p in pieces]),
+    )
+    bench.write(imu_channel(noisy(recording, 13, 50.0)), site=STATED)
+    assert aligned(bench)["start_s"] == pytest.approx(80.0, abs=2.0)
+    bench.accepted()
+    assert json.loads(bench.provenance()["alignment"])["start_s"] == pytest.approx(0.0, abs=0.3)
+
+
 def test_a_run_needs_something_after_the_stop(bench: Bench) -> None:
     bench.write(imu_channel(noisy(resting(30.0, 50.0), 6, 50.0)), site=STATED)
     bench.refused("ends with the log and leaves nothing to navigate")
