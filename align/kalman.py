@@ -10,8 +10,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
-from scipy.special import chdtri
 
 from align.result import Innovations
 from earth._jit import kernel
@@ -281,7 +281,7 @@ def consistency(t: ArrayLike, nis: ArrayLike, dof: int) -> Innovations:
     if nis.ndim != 1 or t.shape != nis.shape or not nis.size:
         raise ValueError(f"t and nis must have one shape (k,), k >= 1; got {t.shape}, {nis.shape}")
     tail = 0.5 * (1.0 - _CONFIDENCE)
-    low, high = chdtri(dof * nis.size, [1.0 - tail, tail]) / nis.size
+    low, high = scipy.special.chdtri(dof * nis.size, [1.0 - tail, tail]) / nis.size
     mean = float(nis.mean())
     return Innovations(
         t=t,

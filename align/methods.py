@@ -6,8 +6,8 @@ from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.special import chdtri
 
 from align.accuracy import MAX_HEADING_SIGMA, SensorErrors, gyro_budget, left_over
 from align.checks import Residuals, residuals
@@ -306,7 +306,7 @@ def align_together(
         ellipsoid=ellipsoid,
     )
     warnings: tuple[str, ...] = ()
-    if found.chi2 > chdtri(found.dof, _FALSE_ALARM):
+    if found.chi2 > scipy.special.chdtri(found.dof, _FALSE_ALARM):
         warnings = (
             f"the positions fit each other worse than the stated errors allow (chi-square "
             f"{found.chi2:.1f} with {found.dof} degrees of freedom): the biases changed between "

@@ -19,17 +19,9 @@ from itertools import pairwise
 from typing import Literal
 
 import numpy as np
+import scipy
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
-from scipy.ndimage import (
-    binary_closing,
-    binary_dilation,
-    binary_erosion,
-    binary_propagation,
-    median_filter,
-    uniform_filter1d,
-)
-from scipy.special import ndtr, ndtri
 
 from align.spans import Spans
 from earth.units import DEG
@@ -230,7 +222,7 @@ def _medians(values: Array, size: int, mode: Literal["edge", "symmetric"]) -> Ar
     """
     half = size // 2
     padded = np.pad(values, ((half, half), (0, 0)), mode)
-    medians: Array = median_filter(padded, (size, 1))[half : half + len(values)]
+    medians: Array = scipy.ndimage.median_filter(padded, (size, 1))[half : half + len(values)]
     return medians
 
 
@@ -267,7 +259,7 @@ def _stops(spans: Spans, least: float) -> list[tuple[int, int, Mask]]:
         return []
     whole = spans.count >= max(2.0, 0.5 * float(np.median(spans.count)))
     scaled = np.hstack([spans.omega_ib_b / RATE_LIMIT, spans.f_ib_b / FORCE_LIMIT])
-    mean = uniform_filter1d(scaled, _rows(spans, SPAN), axis=0, mode="nearest")
+    mean = scipy.ndimage.uniform_filter1d(scaled, _rows(spans, SPAN), axis=0, mode="nearest")
     level = _medians(mean, 2 * _rows(spans, LEVEL_SPAN) + 1, "edge")
     off = np.sum((mean - level).reshape(-1, 2, 3) ** 2, axis=-1)
     standing = whole & np.all(off <= LARGEST**2, axis=-1)
@@ -327,7 +319,7 @@ def _normal(ratio: Array, dof: Array | float) -> Array:
 
 def _standardize(z: Array, keep: Mask) -> Array:
     """Center on the median; divide by the spread below it where noise is less than white."""
-    low, middle = np.quantile(z[keep], [ndtr(-1.0), 0.5])
+    low, middle = np.quantile(z[keep], [scipy.special.ndtr(-1.0), 0.5])
     standard: Array = (z - middle) / max(middle - low, 1.0)
     return standard
 
@@ -342,7 +334,7 @@ def _detect(spans: Spans, standing: Mask, false_alarm: float) -> tuple[Mask, Mas
     group = _rows(spans, GROUP_SPAN)
     noise_rows = max(_rows(spans, NOISE_SPAN), NOISE_ROWS)
     level_rows = _rows(spans, LEVEL_SPAN)
-    limit, weak = -ndtri(0.5 * false_alarm), -ndtri(WEAK)
+    limit, weak = -scipy.special.ndtri(0.5 * false_alarm), -scipy.special.ndtri(WEAK)
     usual = float(np.median(dof))
     bridge, guard = _rows(spans, BRIDGE), int(np.ceil(GUARD / spans.length - 1e-6))
     quiet = standing
@@ -354,10 +346,10 @@ def _detect(spans: Spans, standing: Mask, false_alarm: float) -> tuple[Mask, Mas
         distance = _normal(np.mean(off2 / spread2, axis=1), 6.0)
         z = np.maximum(_standardize(energy, quiet), _standardize(distance, quiet))
         alarms = z > limit
-        moved = ~standing | binary_propagation(alarms, mask=alarms | (z > weak))
+        moved = ~standing | scipy.ndimage.binary_propagation(alarms, mask=alarms | (z > weak))
         padded = np.pad(moved, bridge)
-        closed = binary_closing(padded, np.ones(bridge + 1))[bridge:-bridge] | moved
-        quiet_now = ~binary_dilation(closed, np.ones(2 * guard + 1))
+        closed = scipy.ndimage.binary_closing(padded, np.ones(bridge + 1))[bridge:-bridge] | moved
+        quiet_now = ~scipy.ndimage.binary_dilation(closed, np.ones(2 * guard + 1))
         if not quiet_now.any():
             return alarms, quiet_now
         if np.array_equal(quiet_now, quiet):
@@ -449,7 +441,7 @@ def _sways(spans: Spans) -> Mask:
     over = np.convolve(good, np.ones(n + lag))
     all_ = np.convolve(np.ones(len(good)), np.ones(n + lag))
     sways = over > 0.5 * all_
-    inner: Mask = binary_erosion(sways, np.ones(2 * lag + 1), border_value=1)[group]
+    inner: Mask = scipy.ndimage.binary_erosion(sways, np.ones(2 * lag + 1), border_value=1)[group]
     return inner
 
 

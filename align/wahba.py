@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike, NDArray
 
 from align.errors import AlignmentError
@@ -208,9 +209,9 @@ def _davenport(n: Array, b: Array, weight: Array) -> Array:
 
 
 def _svd(n: Array, b: Array, weight: Array) -> Array:
-    from scipy.spatial.transform import Rotation  # late: it takes a tenth of a second
-
-    q: Array = Rotation.align_vectors(n, b, weights=weight)[0].as_quat(scalar_first=True)
+    q: Array = scipy.spatial.transform.Rotation.align_vectors(n, b, weights=weight)[0].as_quat(
+        scalar_first=True
+    )
     return q
 
 

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
+import scipy
 from numpy.typing import NDArray
-from scipy.special import chdtri
 
 from align.accuracy import SensorErrors, euler_sigmas, heading_sigma, judge, tilt_sigma
 from align.checks import Residuals, check_force, check_rate, residuals
@@ -305,7 +305,7 @@ def _noise(random_walk: float | None, sub_means: Array, duration: float) -> Nois
         return Noise(shown, False)
     stated = random_walk / np.sqrt(duration)
     dof = 3 * (count - 1)
-    exceeds = dof > 0 and (shown / stated) ** 2 * dof > chdtri(dof, _FALSE_ALARM)
+    exceeds = dof > 0 and (shown / stated) ** 2 * dof > scipy.special.chdtri(dof, _FALSE_ALARM)
     return Noise(shown if exceeds else float(stated), bool(exceeds))
 
 

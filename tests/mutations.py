@@ -706,8 +706,8 @@ MUTATIONS = (
     Mutation(
         "align: energy test takes the whole false-alarm rate",
         "align/stillness.py",
-        "-ndtri(0.5 * false_alarm)",
-        "-ndtri(0.05 * false_alarm)",
+        "-scipy.special.ndtri(0.5 * false_alarm)",
+        "-scipy.special.ndtri(0.05 * false_alarm)",
         ("tests/align/test_stillness.py::test_the_false_alarm_rate_is_honored_in_white_noise",),
     ),
     Mutation(
@@ -720,7 +720,7 @@ MUTATIONS = (
     Mutation(
         "align: no guard around a slam",
         "align/stillness.py",
-        "binary_dilation(closed, np.ones(2 * guard + 1))",
+        "scipy.ndimage.binary_dilation(closed, np.ones(2 * guard + 1))",
         "closed",
         ("tests/align/test_stillness.py::test_disturbances_are_cut_out_and_little_else",),
     ),
