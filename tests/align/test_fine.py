@@ -256,7 +256,7 @@ def is_chi_square(squares: Array, dof: int, confidence: float) -> bool:
 def test_errors_are_as_large_as_their_sigmas(grade: str, duration: float, lat_deg: float) -> None:
     """300 simulated alignments at random attitudes, biases and noise drawn as stated."""
     runs = simulate(GRADES[grade], lat_deg, duration)
-    # 300 runs give an rms to 4 %, 1 sigma; the issue asks for 12 %.
+    # 300 runs give an rms to 4 %, 1 sigma; three of these.
     np.testing.assert_allclose(runs.rms, 1.0, rtol=0.0, atol=0.12)
     assert is_chi_square(runs.attitude_square, 3, 0.95)
     # All nine together as long as heading is known to 7° or so: beyond, the north gyro bias bends
