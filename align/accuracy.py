@@ -146,9 +146,9 @@ def gyro_budget(
 
 
 def known_heading_budget(
-    heading: float, accel_bias: float, accel_noise: float, pitch: float, g: float
+    source: str, heading: float, accel_bias: float, accel_noise: float, pitch: float, g: float
 ) -> tuple[Contribution, ...]:
-    """What the given heading's sigma, rad, and each accelerometer error, m/s^2, add."""
+    """What the sigma of a heading from `source`, rad, and accelerometer errors, m/s^2, add."""
     by_tilt = abs(_bounded_tan(pitch))
 
     def line(source: str, accel: float) -> Contribution:
@@ -156,7 +156,7 @@ def known_heading_budget(
         return Contribution(source, tilt, by_tilt * tilt)
 
     return (
-        Contribution("given heading", 0.0, heading),
+        Contribution(source, 0.0, heading),
         line("accelerometer bias", accel_bias),
         line("accelerometer noise", accel_noise),
     )

@@ -9,25 +9,26 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from align.accuracy import MAX_HEADING_SIGMA, SensorErrors, gyro_budget, left_over
+from align.accuracy import MAX_HEADING_SIGMA, SensorErrors, left_over
 from align.checks import Residuals, residuals
 from align.errors import AlignmentError, WeakGyrosError
 from align.fine import fine_align
 from align.inertial_frame import InertialFrame
 from align.multi_position import Position, align_positions
 from align.result import Alignment, Contribution
-from align.static import BY_GYROS, STATIC_METHODS, KnownHeading, align_static
+from align.static import BY_GYROS, STATIC_METHODS, KnownHeading, at_rest, scatter
 from align.stillness import Stillness
 from align.window import (
     ONE_RESIDUAL,
-    SIGNIFICANT,
     UNSTATED_ACCEL_BIAS,
     Quality,
+    bias_sigma,
     compass,
     conclude,
     examine,
 )
 from earth.ellipsoid import WGS84, Ellipsoid
+from earth.gravity import normal_gravity_n
 from earth.rates import omega_ie_n
 from earth.rotation import euler_from_quat
 from earth.units import DEG, DEG_PER_H
@@ -70,25 +71,12 @@ def align_fine(
         As either.
     """
     kept = np.ones(len(dt), bool) if still is None else still
-    coarse = align_static(
-        dt[kept],
-        omega_ib_b[kept],
-        f_ib_b[kept],
-        lat,
-        h,
-        errors=errors,
-        known_heading=known_heading,
-        lon=lon,
-        ellipsoid=ellipsoid,
-    )
-    window = examine(
-        dt[kept], omega_ib_b[kept], f_ib_b[kept], lat, h, errors or SensorErrors(), ellipsoid
-    )
-    used = known_heading if coarse.method not in BY_GYROS else None
     stated = errors or SensorErrors()
+    window = examine(dt[kept], omega_ib_b[kept], f_ib_b[kept], lat, h, stated, ellipsoid)
+    coarse = at_rest(window, stated, known_heading, lon=lon)
     assumed = SensorErrors(
-        gyro_bias=max(window.rate_bias, _LEAST_BIAS * ellipsoid.omega),
-        accel_bias=max(window.force_bias, _LEAST_BIAS * window.g),
+        gyro_bias=max(window.rate_bias.sigma, _LEAST_BIAS * ellipsoid.omega),
+        accel_bias=max(window.force_bias.sigma, _LEAST_BIAS * window.g),
         arw=None if window.rate_noise.exceeds else stated.arw,
         vrw=None if window.force_noise.exceeds else stated.vrw,
     )
@@ -102,11 +90,10 @@ def align_fine(
         errors=assumed,
         still=kept,
         t=t,
-        heading=used,
+        heading=None if coarse.method in BY_GYROS else known_heading,
         ellipsoid=ellipsoid,
     )
-    budget = left_over(found.P_n, coarse.budget)
-    warnings = [x for x in coarse.warnings if x not in window.warnings]
+    warnings = list(coarse.warnings)
     mean, said = float(np.mean(found.innovations.nis)), found.innovations
     if not said.consistent:
         warnings.append(
@@ -124,11 +111,11 @@ def align_fine(
         "as chosen",
         found.q_nb,
         found.P_n,
-        budget,
+        left_over(found.P_n, coarse.budget),
         warnings=tuple(warnings),
-        gyro_heading=coarse.gyro_heading,
-        gyro_heading_sigma=coarse.gyro_heading_sigma,
-        scatter=coarse.scatter,
+        gyro_heading=coarse.gyros.heading,
+        gyro_heading_sigma=coarse.gyros.sigma,
+        scatter=scatter(window, coarse),
         convergence=found.convergence,
         gyro_bias=found.gyro_bias,
         gyro_bias_sigma=found.gyro_bias_sigma,
@@ -194,7 +181,8 @@ def align_swaying(
         )
     omega_n = omega_ie_n(lat, ellipsoid)
     north, force = first.rate_residual_north, first.specific_force_residual
-    assumed, warnings = _proven(stated, first.budget, north, force, omega_n[0])
+    g = float(np.linalg.norm(normal_gravity_n(lat, h, ellipsoid)))
+    assumed, warnings = _proven(stated, first.budget, north, force, omega_n[0], g)
     found = frame.solution(assumed)
     azimuth = float(np.sqrt(found.P_n[2, 2]))
     if azimuth > MAX_HEADING_SIGMA:
@@ -228,29 +216,23 @@ def _proven(
     north: float,
     force: float,
     level_rate: float,
+    g: float,
 ) -> tuple[SensorErrors, list[str]]:
     """Take biases from residuals where none is stated, or where they prove more than is stated."""
     noise = {line.source: line for line in budget}
-    by_noise = noise["gyro noise"].azimuth * level_rate
+    by_rate = noise["gyro noise"].azimuth * level_rate
+    gyro = bias_sigma(stated.gyro_bias, by_rate, abs(north), ONE_RESIDUAL)
+    by_force = noise["accelerometer noise"].tilt * g
+    accel = bias_sigma(stated.accel_bias, by_force, abs(force), ONE_RESIDUAL, UNSTATED_ACCEL_BIAS)
     warnings = []
-    gyro, accel = stated.gyro_bias, stated.accel_bias
-    if gyro is None:
-        gyro = ONE_RESIDUAL * abs(north)
-    elif abs(north) > SIGNIFICANT * np.hypot(gyro, by_noise):
-        gyro = abs(north)
+    if stated.gyro_bias is not None and gyro.note:
         warnings.append(
-            f"the gyros miss the Earth rate by {north / DEG_PER_H:+.3f} deg/h along north, more "
-            "than the stated errors allow, so the sigmas were enlarged"
+            f"the gyros miss the Earth rate by {north / DEG_PER_H:+.3f} deg/h along north "
+            f"{gyro.note}"
         )
-    if accel is None:
-        accel = max(ONE_RESIDUAL * abs(force), UNSTATED_ACCEL_BIAS)
-    elif abs(force) > SIGNIFICANT * accel and accel > 0.0:
-        accel = abs(force)
-        warnings.append(
-            f"|f| differs from normal gravity by {force * 1e3:+.3f} mm/s², more than the stated "
-            "errors allow, so the sigmas were enlarged"
-        )
-    return replace(stated, gyro_bias=gyro, accel_bias=accel), warnings
+    if stated.accel_bias is not None and accel.note:
+        warnings.append(f"|f| differs from normal gravity by {force * 1e3:+.3f} mm/s² {accel.note}")
+    return replace(stated, gyro_bias=gyro.sigma, accel_bias=accel.sigma), warnings
 
 
 def align_together(
@@ -286,9 +268,10 @@ def align_together(
     """
     errors = errors or SensorErrors()
     windows = [examine(*rows, lat, h, errors, ellipsoid) for rows in means]
-    gyro_bias = max(window.rate_bias for window in windows)
-    accel_bias = max(window.force_bias for window in windows)
-    errors = replace(errors, gyro_bias=gyro_bias, accel_bias=accel_bias)
+    rate_bias = max(window.rate_bias for window in windows)
+    force_bias = max(window.force_bias for window in windows)
+    windows = [replace(w, rate_bias=rate_bias, force_bias=force_bias) for w in windows]
+    errors = replace(errors, gyro_bias=rate_bias.sigma, accel_bias=force_bias.sigma)
     found = align_positions(
         [
             Position(
@@ -321,15 +304,6 @@ def align_together(
             window.g_n,
             ellipsoid,
         )
-        alone = gyro_budget(
-            gyro_bias,
-            window.rate_noise.sigma,
-            accel_bias,
-            window.force_noise.sigma,
-            lat,
-            window.g,
-            ellipsoid,
-        )
         results.append(
             conclude(
                 Quality(shown, window.stillness, window.duration, warnings),
@@ -337,7 +311,7 @@ def align_together(
                 f"position {k + 1} of {len(windows)}, biases in common",
                 found.q_nb[k],
                 found.P_n[k],
-                left_over(found.P_n[k], alone),
+                left_over(found.P_n[k], window.budget()),
                 gyro_heading=compass(float(euler_from_quat(found.q_nb[k])[2])),
                 gyro_heading_sigma=float(np.sqrt(found.P_n[k, 2, 2])),
                 scatter=np.full(3, np.nan),

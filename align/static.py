@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +13,6 @@ from align.accuracy import (
     MAX_HEADING_SIGMA,
     UNIFORM,
     SensorErrors,
-    gyro_budget,
     gyro_covariance,
     known_heading_budget,
     known_heading_covariance,
@@ -56,7 +56,7 @@ class KnownHeading:
 
 
 @dataclass(frozen=True)
-class _Gyros:
+class Gyros:
     """What the gyros alone say of north: an attitude or none, and its azimuth's 1-sigma, rad."""
 
     q_nb: Array | None
@@ -131,6 +131,63 @@ def align_static(
         )
     errors = SensorErrors() if errors is None else errors
     window = examine(dt, omega_ib_b, f_ib_b, lat, h, errors, ellipsoid)
+    found = at_rest(window, errors, known_heading, method, lon)
+    more: dict[str, Any] = {}
+    if convergence:
+        more["convergence"] = _convergence(dt, omega_ib_b, f_ib_b, window, found)
+    if found.method == "known-heading":
+        more["gyro_bias"], more["gyro_bias_sigma"] = _gyro_bias(window, found.q_nb, found.P_n)
+    result = conclude(
+        window.quality,
+        found.method,
+        found.reason,
+        found.q_nb,
+        found.P_n,
+        found.budget,
+        warnings=found.warnings,
+        gyro_heading=found.gyros.heading,
+        gyro_heading_sigma=found.gyros.sigma,
+        scatter=scatter(window, found),
+        **more,
+    )
+    if found.method == "level":
+        return replace(result, q_nb=np.full(4, np.nan), heading=float("nan"))
+    return result
+
+
+@dataclass(frozen=True, eq=False)
+class AtRest:
+    """Attitude of a window by one of the static methods.
+
+    Attributes
+    ----------
+    method, reason, q_nb, P_n, budget, warnings
+        Of `align.result.Alignment`; warnings beside the window's, and a heading of 0 where it is
+        unknown.
+    attitude : callable
+        How the method turns means of force and rate into ``q_nb``.
+    gyros : Gyros
+        What the gyros alone say.
+    """
+
+    method: str
+    reason: str
+    q_nb: Array
+    P_n: Array
+    budget: tuple[Contribution, ...]
+    warnings: tuple[str, ...]
+    attitude: Attitude
+    gyros: Gyros
+
+
+def at_rest(
+    window: Window,
+    errors: SensorErrors,
+    known_heading: KnownHeading | None = None,
+    method: str = "auto",
+    lon: float | None = None,
+) -> AtRest:
+    """Find the attitude of a window; parameters and errors are those of `align_static`."""
     gyros = _ask_gyros(window)
     reason = "as chosen"
     if method == "auto":
@@ -141,7 +198,9 @@ def align_static(
     stated = None
     if errors.gyro_bias is not None:
         stated = float(np.hypot(window.rate_noise.sigma, errors.gyro_bias))
-    if contradiction := latitude_contradiction(window.shown, stated, lat, lon, ellipsoid):
+    if contradiction := latitude_contradiction(
+        window.shown, stated, window.lat, lon, window.ellipsoid
+    ):
         if method in BY_GYROS:
             raise AlignmentError(contradiction)
         warnings.append(contradiction)
@@ -149,61 +208,41 @@ def align_static(
         raise WeakGyrosError(_too_weak(window, gyros.sigma))
     if known_heading is not None:
         warnings += _contradicted(window, gyros, known_heading)
-
     attitude = _attitude(method, window, known_heading)
     q_nb = attitude(window.f_ib_b, window.omega_ib_b)
-    euler = euler_from_quat(q_nb)
-    curve = None
-    if convergence:
-        curve = _convergence(dt, omega_ib_b, f_ib_b, window, attitude, method)
-    common = {
-        "gyro_heading": gyros.heading,
-        "gyro_heading_sigma": gyros.sigma,
-        "scatter": _scatter(window, attitude, q_nb),
-        "convergence": curve,
-    }
-    if method in BY_GYROS:
-        P_n = gyro_covariance(window.tilt, gyros.sigma, lat)
-        if method == "wahba":
-            P_n = _weighted(window, window.f_ib_b, window.omega_ib_b).P_n
-        budget = (wahba_budget if method == "wahba" else gyro_budget)(
-            window.rate_bias,
-            window.rate_noise.sigma,
-            window.force_bias,
+    if method == "wahba":
+        P_n = _weighted(window, window.f_ib_b, window.omega_ib_b).P_n
+        budget = window.budget(wahba_budget)
+    elif method in BY_GYROS:
+        P_n = gyro_covariance(window.tilt, gyros.sigma, window.lat)
+        budget = window.budget()
+    else:
+        source, sigma = "unknown heading", UNIFORM
+        if method == "known-heading" and known_heading is not None:
+            source, sigma = "given heading", known_heading.sigma
+        euler = euler_from_quat(q_nb)
+        P_n = known_heading_covariance(window.tilt, sigma, euler)
+        budget = known_heading_budget(
+            source,
+            sigma,
+            window.force_bias.sigma,
             window.force_noise.sigma,
-            lat,
+            float(euler[1]),
             window.g,
-            ellipsoid,
         )
-        return conclude(
-            window.quality, method, reason, q_nb, P_n, budget, warnings=tuple(warnings), **common
-        )
-    known = method == "known-heading" and known_heading is not None
-    given = known_heading.sigma if known and known_heading is not None else UNIFORM
-    P_n = known_heading_covariance(window.tilt, given, euler)
-    budget = known_heading_budget(
-        given, window.force_bias, window.force_noise.sigma, float(euler[1]), window.g
-    )
-    if known:
-        common["gyro_bias"], common["gyro_bias_sigma"] = _gyro_bias(window, q_nb, P_n)
-    found = conclude(
-        window.quality, method, reason, q_nb, P_n, budget, warnings=tuple(warnings), **common
-    )
-    if known:
-        return found
-    nobody = Contribution("unknown heading", 0.0, UNIFORM)
-    return replace(
-        found, q_nb=np.full(4, np.nan), heading=float("nan"), budget=(nobody, *budget[1:])
-    )
+    return AtRest(method, reason, q_nb, P_n, budget, tuple(warnings), attitude, gyros)
 
 
-def _ask_gyros(window: Window) -> _Gyros:
+def _near_pole(window: Window) -> bool:
+    return bool(abs(window.lat) > 0.5 * np.pi - POLE + 1e-12)
+
+
+def _ask_gyros(window: Window) -> Gyros:
     try:
         q_nb = window.by_gyros(window.f_ib_b, window.omega_ib_b)
     except AlignmentError:
-        return _Gyros(None, UNIFORM)
-    near_pole = abs(window.lat) > 0.5 * np.pi - POLE + 1e-12
-    return _Gyros(q_nb, UNIFORM if near_pole else min(window.azimuth, UNIFORM))
+        return Gyros(None, UNIFORM)
+    return Gyros(q_nb, UNIFORM if _near_pole(window) else min(window.azimuth, UNIFORM))
 
 
 def _attitude(method: str, window: Window, known_heading: KnownHeading | None) -> Attitude:
@@ -238,13 +277,13 @@ def _too_weak(window: Window, azimuth: float) -> str:
     """Say how weak the gyros are, and which inputs would help."""
     level_rate = window.ellipsoid.omega * np.cos(window.lat)
     given = "give site.heading_deg and site.heading_sigma_deg, or an [azimuth] line"
-    if abs(window.lat) > 0.5 * np.pi - POLE + 1e-12:
+    if _near_pole(window):
         return (
             "the gyros cannot find north within 1° of a pole, where the horizontal Earth rate is "
             f"{level_rate / DEG_PER_H:.2f} deg/h; {given}"
         )
     allowed = _WANTED * level_rate
-    noise, bias = window.rate_noise.sigma, window.rate_bias
+    noise, bias = window.rate_noise.sigma, window.rate_bias.sigma
     if bias < allowed:
         needed = window.duration * noise**2 / (allowed**2 - bias**2)
         other = f"or stand still for {_time(needed)} to find it to {_WANTED / DEG:g}°"
@@ -264,7 +303,7 @@ def _time(seconds: float) -> str:
     return f"{seconds / 60.0:.0f} min" if seconds < 7200.0 else f"{seconds / 3600.0:.0f} h"
 
 
-def _contradicted(window: Window, gyros: _Gyros, known: KnownHeading) -> list[str]:
+def _contradicted(window: Window, gyros: Gyros, known: KnownHeading) -> list[str]:
     """The warning that gyros and the given heading exclude each other, if they do."""
     if gyros.q_nb is None:
         return []
@@ -289,28 +328,23 @@ def _gyro_bias(window: Window, q_nb: Array, P_n: Array) -> tuple[Array, Array]:
     return window.omega_ib_b - C_bn @ window.omega_ie_n, np.sqrt(np.diag(P_b))
 
 
-def _scatter(window: Window, attitude: Attitude, q_nb: Array) -> Array:
-    """Standard deviation of the sub-windows' attitudes about north, east, down."""
-    turns = _turns(window.sub_f, window.sub_omega, attitude, q_nb)
+def scatter(window: Window, found: AtRest) -> Array:
+    """Standard deviation of the sub-windows' attitudes about north, east, down, rad."""
+    turns = _turns(window.sub_f, window.sub_omega, found)
     if len(turns) < 2:
         return np.full(3, np.nan)
-    scatter: Array = np.std(turns, axis=0, ddof=1)
-    return scatter
+    deviation: Array = np.std(turns, axis=0, ddof=1)
+    return deviation
 
 
-def _turns(means_f: Array, means_omega: Array, attitude: Attitude, q_nb: Array) -> Array:
-    """Small rotation of the attitude of each pair of means relative to `q_nb`."""
+def _turns(means_f: Array, means_omega: Array, found: AtRest) -> Array:
+    """Small rotation of the attitude of each pair of means relative to the one found."""
     pairs = zip(means_f, means_omega, strict=True)
-    return np.array([small_rotation(attitude(f, omega), q_nb) for f, omega in pairs])
+    return np.array([small_rotation(found.attitude(f, omega), found.q_nb) for f, omega in pairs])
 
 
 def _convergence(
-    dt: Array,
-    omega_ib_b: Array,
-    f_ib_b: Array,
-    window: Window,
-    attitude: Attitude,
-    method: str,
+    dt: Array, omega_ib_b: Array, f_ib_b: Array, window: Window, found: AtRest
 ) -> Convergence | None:
     """The attitude from growing parts of the window, beside what the error budget predicts."""
     end = np.cumsum(dt)
@@ -320,13 +354,12 @@ def _convergence(
     rows = np.unique(np.geomspace(first + 1, len(dt), _CURVE).astype(int)) - 1
     t = end[rows]
     f, omega = (np.cumsum(dt[:, None] * x, axis=0)[rows] / t[:, None] for x in (f_ib_b, omega_ib_b))
-    q_nb = attitude(window.f_ib_b, window.omega_ib_b)
     shorter = np.sqrt(window.duration / t)
-    tilt = np.hypot(window.force_noise.sigma * shorter, window.force_bias) / window.g
-    if method in BY_GYROS:
-        rate = np.hypot(window.rate_noise.sigma * shorter, window.rate_bias)
+    tilt = np.hypot(window.force_noise.sigma * shorter, window.force_bias.sigma) / window.g
+    if found.method in BY_GYROS:
+        rate = np.hypot(window.rate_noise.sigma * shorter, window.rate_bias.sigma)
         by_rate = rate / (window.ellipsoid.omega * np.cos(window.lat))
         azimuth = np.hypot(by_rate, np.tan(window.lat) * tilt)
     else:
-        azimuth = abs(np.tan(float(euler_from_quat(q_nb)[1]))) * tilt
-    return Convergence(t, _turns(f, omega, attitude, q_nb), tilt, azimuth)
+        azimuth = abs(np.tan(float(euler_from_quat(found.q_nb)[1]))) * tilt
+    return Convergence(t, _turns(f, omega, found), tilt, azimuth)

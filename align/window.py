@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
@@ -9,7 +10,14 @@ import numpy as np
 import scipy
 from numpy.typing import NDArray
 
-from align.accuracy import SensorErrors, euler_sigmas, heading_sigma, judge, tilt_sigma
+from align.accuracy import (
+    SensorErrors,
+    euler_sigmas,
+    gyro_budget,
+    heading_sigma,
+    judge,
+    tilt_sigma,
+)
 from align.checks import Residuals, check_force, check_rate, residuals
 from align.errors import AlignmentError
 from align.result import Alignment, Contribution
@@ -22,6 +30,7 @@ from earth.rotation import dcm_from_quat, euler_from_quat, quat_from_dcm, rotvec
 from earth.units import DEG, DEG_PER_H, UG
 
 Array = NDArray[np.float64]
+BudgetForm = Callable[..., tuple[Contribution, ...]]  # of `align.accuracy`
 
 SHORTEST = 2.0  # s
 SUB_WINDOWS = 10
@@ -36,6 +45,13 @@ class Noise(NamedTuple):
 
     sigma: float
     exceeds: bool
+
+
+class Bias(NamedTuple):
+    """Sigma of a bias, and the words for why it is not simply what was stated."""
+
+    sigma: float
+    note: str
 
 
 class Quality(NamedTuple):
@@ -67,9 +83,9 @@ class Window:
     shown : Residuals
     rate_noise, force_noise : Noise
         Of the means, one axis.
-    rate_bias, force_bias : float
-        1-sigma of one axis: as stated, or as the residuals show.
-    warnings : tuple of str
+    rate_bias, force_bias : Bias
+        Of one axis.
+    ellipsoid : Ellipsoid
     """
 
     lat: float
@@ -84,10 +100,9 @@ class Window:
     shown: Residuals
     rate_noise: Noise
     force_noise: Noise
-    rate_bias: float
-    force_bias: float
+    rate_bias: Bias
+    force_bias: Bias
     ellipsoid: Ellipsoid
-    warnings: tuple[str, ...]
 
     @property
     def g(self) -> float:
@@ -97,12 +112,12 @@ class Window:
     @property
     def rate_sigma(self) -> float:
         """Of the mean rate, one axis, rad/s."""
-        return float(np.hypot(self.rate_noise.sigma, self.rate_bias))
+        return float(np.hypot(self.rate_noise.sigma, self.rate_bias.sigma))
 
     @property
     def force_sigma(self) -> float:
         """Of the mean specific force, one axis, m/s^2."""
-        return float(np.hypot(self.force_noise.sigma, self.force_bias))
+        return float(np.hypot(self.force_noise.sigma, self.force_bias.sigma))
 
     @property
     def tilt(self) -> float:
@@ -118,6 +133,56 @@ class Window:
     def quality(self) -> Quality:
         """For the report."""
         return Quality(self.shown, self.stillness, self.duration, self.warnings)
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What speaks against the stated errors."""
+        found = []
+        if self.force_bias.note:
+            found.append(
+                f"|f| differs from normal gravity by {self.shown.force * 1e3:+.3f} mm/s² "
+                f"{self.force_bias.note}"
+            )
+        if self.rate_bias.note:
+            found.append(self._rate_warning())
+        for noise, what, walk in (
+            (self.rate_noise, "gyros", "arw"),
+            (self.force_noise, "accelerometers", "vrw"),
+        ):
+            if noise.exceeds:
+                found.append(
+                    f"the {what} scatter more than the stated {walk} allows, so the sigmas were "
+                    "enlarged"
+                )
+        return tuple(found)
+
+    def _rate_warning(self) -> str:
+        shown = self.shown
+        implies = "the data imply no latitude"
+        if np.isfinite(shown.implied_latitude):
+            implies = (
+                f"the data imply latitude {shown.implied_latitude / DEG:.3f}°, "
+                f"{(shown.implied_latitude - self.lat) / DEG:+.3f}° from the site's"
+            )
+        return (
+            f"the gyros miss the Earth rate by {shown.down / DEG_PER_H:+.3f} deg/h about down "
+            f"and {shown.north / DEG_PER_H:+.3f} deg/h along north {self.rate_bias.note}; "
+            f"{implies}. These parts do not turn the heading, but an eastward error does and "
+            "cannot be seen: of the same size it would turn the heading by "
+            f"{min(self.azimuth, np.pi) / DEG:.2f}°"
+        )
+
+    def budget(self, form: BudgetForm = gyro_budget) -> tuple[Contribution, ...]:
+        """What each sensor error adds to an attitude found by the gyros."""
+        return form(
+            self.rate_bias.sigma,
+            self.rate_noise.sigma,
+            self.force_bias.sigma,
+            self.force_noise.sigma,
+            self.lat,
+            self.g,
+            self.ellipsoid,
+        )
 
     def by_gyros(self, f_ib_b: Array, omega_ib_b: Array) -> Array:
         """Attitude of two means of this site, ``q_nb``."""
@@ -169,26 +234,6 @@ def examine(
     sub_f = span_means(dt, f_ib_b, duration / SUB_WINDOWS)
     rate_noise = _noise(errors.arw, sub_omega, duration)
     force_noise = _noise(errors.vrw, sub_f, duration)
-    rate_bias, rate_note = _bias(
-        errors.gyro_bias, rate_noise.sigma, shown.shown_rate, TWO_RESIDUALS
-    )
-    force_bias, force_note = _bias(
-        errors.accel_bias, force_noise.sigma, abs(shown.force), ONE_RESIDUAL, UNSTATED_ACCEL_BIAS
-    )
-    azimuth = heading_sigma(
-        float(np.hypot(rate_noise.sigma, rate_bias)),
-        float(np.hypot(force_noise.sigma, force_bias)),
-        lat,
-        float(np.linalg.norm(g_n)),
-        ellipsoid,
-    )
-    warnings = _residual_warnings(shown, rate_note, force_note, lat, min(azimuth, np.pi))
-    for noise, what, walk in ((rate_noise, "gyros", "arw"), (force_noise, "accelerometers", "vrw")):
-        if noise.exceeds:
-            warnings.append(
-                f"the {what} scatter more than the stated {walk} allows, so the sigmas were "
-                "enlarged"
-            )
     return Window(
         lat=lat,
         g_n=g_n,
@@ -202,10 +247,15 @@ def examine(
         shown=shown,
         rate_noise=rate_noise,
         force_noise=force_noise,
-        rate_bias=rate_bias,
-        force_bias=force_bias,
+        rate_bias=bias_sigma(errors.gyro_bias, rate_noise.sigma, shown.shown_rate, TWO_RESIDUALS),
+        force_bias=bias_sigma(
+            errors.accel_bias,
+            force_noise.sigma,
+            abs(shown.force),
+            ONE_RESIDUAL,
+            UNSTATED_ACCEL_BIAS,
+        ),
         ellipsoid=ellipsoid,
-        warnings=tuple(warnings),
     )
 
 
@@ -309,41 +359,18 @@ def _noise(random_walk: float | None, sub_means: Array, duration: float) -> Nois
     return Noise(shown if exceeds else float(stated), bool(exceeds))
 
 
-def _bias(
+def bias_sigma(
     stated: float | None, noise: float, shown: float, few: float, least: float = 0.0
-) -> tuple[float, str]:
-    """Sigma of a bias, and the words for why it is not simply what was stated.
+) -> Bias:
+    """Sigma of a bias: as stated unless the residual disproves it.
 
     Where nobody states it, `few` times the residual, and `least` at least.
     """
     if stated is None and few * shown < least:
-        return least, f"(no bias is stated, so {least / UG:.0f} µg stand for its sigma)"
+        return Bias(least, f"(no bias is stated, so {least / UG:.0f} µg stand for its sigma)")
     if stated is None:
-        return few * shown, f"(no bias is stated, so {few:.2f} times that stands for its sigma)"
+        note = f"(no bias is stated, so {few:.2f} times that stands for its sigma)"
+        return Bias(few * shown, note)
     if shown > SIGNIFICANT * np.hypot(noise, stated):
-        return shown, "(more than the stated errors allow, so the sigmas were enlarged)"
-    return stated, ""
-
-
-def _residual_warnings(
-    shown: Residuals, rate_note: str, force_note: str, lat: float, azimuth: float
-) -> list[str]:
-    warnings: list[str] = []
-    if force_note:
-        warnings.append(
-            f"|f| differs from normal gravity by {shown.force * 1e3:+.3f} mm/s² {force_note}"
-        )
-    if rate_note:
-        implies = "the data imply no latitude"
-        if np.isfinite(shown.implied_latitude):
-            implies = (
-                f"the data imply latitude {shown.implied_latitude / DEG:.3f}°, "
-                f"{(shown.implied_latitude - lat) / DEG:+.3f}° from the site's"
-            )
-        warnings.append(
-            f"the gyros miss the Earth rate by {shown.down / DEG_PER_H:+.3f} deg/h about down "
-            f"and {shown.north / DEG_PER_H:+.3f} deg/h along north {rate_note}; {implies}. "
-            "These parts do not turn the heading, but an eastward error does and cannot be seen: "
-            f"of the same size it would turn the heading by {azimuth / DEG:.2f}°"
-        )
-    return warnings
+        return Bias(shown, "(more than the stated errors allow, so the sigmas were enlarged)")
+    return Bias(stated, "")

@@ -183,6 +183,10 @@ def main() -> None:
         from benchmarks.alignment import measure
 
         measure(options.write)
+        if options.write:
+            from benchmarks.alignment_pictures import draw
+
+            draw()
 
 
 if __name__ == "__main__":

@@ -824,7 +824,7 @@ SECTIONS: dict[str, Callable[[], Iterator[str]]] = {
 
 
 def measure(write: bool, only: tuple[str, ...] = ()) -> None:
-    """Print every table, and write them and the pictures into docs."""
+    """Print every table, and write them into docs."""
     for name, lines in SECTIONS.items():
         if only and name not in only:
             continue
@@ -835,10 +835,6 @@ def measure(write: bool, only: tuple[str, ...] = ()) -> None:
             made.append(line)
         if write and made:
             PAGE.write_text(_filled(PAGE.read_text(), name, made))
-    if write and not only:
-        from benchmarks.alignment_pictures import draw
-
-        draw()
 
 
 def _filled(page: str, name: str, lines: list[str]) -> str:

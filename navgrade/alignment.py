@@ -354,9 +354,10 @@ def _measured(
     """The stated errors, and the noise the data show where none is stated; a warning about it."""
     if errors.arw is not None and errors.vrw is not None:
         return errors, ()
-    arw, vrw = white_noise(*means)
     warnings: tuple[str, ...] = ()
-    if stretch is not None and stretch.motion == "swaying":
+    if stretch is None or stretch.motion == "still":
+        arw, vrw = white_noise(*means)
+    else:
         arw = min(_rms(stretch.arw), _rms(stretch.arw_1s))
         vrw = min(_rms(stretch.vrw), _rms(stretch.vrw_1s))
         warnings = (

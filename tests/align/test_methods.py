@@ -235,3 +235,9 @@ def test_a_bias_that_one_position_proves_is_in_the_budget_of_all() -> None:
         shares = {line.source: line.tilt for line in result.budget}
         assert shares["accelerometer bias"] > 20.0 * shares.get("noise", 0.0)
         assert shares["accelerometer bias"] > 200.0 * UG / 9.8
+
+
+@pytest.mark.parametrize("method", ["triad", "fine"])
+def test_a_body_upside_down_is_mentioned_once(method: str) -> None:
+    found = found_by(method, still(45.0, rotation(3.0, 0.1, 1.0), count=64, dt=1.0), 1.0)
+    assert sum("upside down" in text for text in found.warnings) == 1
