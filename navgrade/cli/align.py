@@ -10,7 +10,7 @@ import click
 from navgrade.alignment import align_log, align_logs, alignment_report
 from navgrade.cli.options import path_or_url, source_options
 from navgrade.cli.show import show_alignment, show_source, show_survey
-from navgrade.cli.terminal import progress_bar
+from navgrade.cli.terminal import progress_bar, warn
 from navgrade.job import Choices, open_log
 from navgrade.report import write_alignment_page
 from navgrade.site import read_site
@@ -67,8 +67,11 @@ def command(
             lat=site.place.lat,
             overwrite=overwrite,
         )
+    defects = [f"{issue.text} (byte {issue.offset})" for log in sources for issue in log.issues]
     if as_json:
-        reports = [alignment_report(aligned, curve=True) for aligned in found]
+        reports = [
+            alignment_report(aligned, curve=True) | {"defects": defects} for aligned in found
+        ]
         click.echo(json.dumps(reports[0] if len(reports) == 1 else reports, indent=2))
         return
     for k, aligned in enumerate(found):
@@ -76,3 +79,5 @@ def command(
             show_source(sources[k], axes_given=bool(axes or site.axes))
         show_alignment(aligned)
     show_survey(site)
+    for text in defects:
+        warn(text)

@@ -189,6 +189,20 @@ def test_a_run_starts_at_the_first_good_stop(bench: Bench) -> None:
     assert json.loads(bench.provenance()["alignment"])["start_s"] == pytest.approx(0.0, abs=0.3)
 
 
+def test_a_log_cut_off_is_aligned_and_said_to_be_cut(bench: Bench) -> None:
+    bench.write(imu_channel(noisy(resting(120.0, 50.0), 14, 50.0)), site=STATED)
+    whole = bench.log.read_bytes()
+    assert "cut off" not in words(bench)
+    bench.log.write_bytes(whole[: int(0.6 * len(whole))])
+    found = aligned(bench)
+    assert 20.0 < found["used_s"] < 100.0
+    assert len(found["defects"]) == 1
+    assert "cut off" in found["defects"][0]
+    assert f"warning: {found['defects'][0]}" in words(bench)
+    outcome = navgrade("align", bench.log, "-c", bench.site, "--strict")
+    one_sentence(outcome, "cut off")
+
+
 def test_a_run_needs_something_after_the_stop(bench: Bench) -> None:
     bench.write(imu_channel(noisy(resting(30.0, 50.0), 6, 50.0)), site=STATED)
     bench.refused("ends with the log and leaves nothing to navigate")
